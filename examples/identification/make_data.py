@@ -1,7 +1,9 @@
 """Coupon data of MD600 for this example: the published laws with 2 % seeded noise.
 
-Writes ``shear.csv``, ``compaction.csv`` and ``bending.csv`` beside this file, the same to the bit
-on every run:
+Writes ``shear.csv``, ``compaction.csv``, ``bending.csv``, ``viscous.csv`` and ``off-axis.csv``
+beside this file, the same to the bit on every run. The last two are of other fabrics, by round
+numbers: MD600 wet with resin, with a dashpot and a Maxwell element; and the unidirectional fabric
+of ``examples/hemisphere_unidirectional``.
 
     python make_data.py
 """
@@ -12,18 +14,28 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.coupons.analytic import BiasExtension
+from lcmchain.coupons.analytic import BiasExtension, PictureFrame
+from lcmchain.coupons.analytic.off_axis import affine_tension
 from lcmchain.identification.synthetic import (
     bias_extension_curve,
     cantilever_overhangs,
     compaction_curve,
+    noisy,
+    picture_frame_curve,
     preset_fabric,
     write_coupon,
 )
+from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
+from lcmchain.scene import read_scene
 
 NOISE = 0.02
 AREAL_WEIGHT = 0.6 * 9.81  # [N/m²]
 STRIPS_PER_ORIENTATION = 5
+WET = ViscousShear(viscosity=2000.0, terms=(Relaxation(modulus=3e4, time=2.0),))
+PULLS = (0.01, 0.05, 0.25)  # speeds of the frame, which then stands still [m/s]
+STAND = 30.0  # [s]
+UNIDIRECTIONAL = Path(__file__).parents[1] / "hemisphere_unidirectional" / "scene.toml"
+OFF_AXIS = (30.0, 45.0, 60.0)  # angles of the fibres from the pull [deg]
 
 
 def write_data(folder: Path) -> None:
@@ -56,6 +68,63 @@ def write_data(folder: Path) -> None:
         folder / "bending.csv",
         {"orientation [deg]": degrees, "overhang [mm]": 1e3 * overhang},
         f"Cantilever tests at 41.5 deg of narrow strips, free to twist. {origin}",
+    )
+    write_frames(folder / "viscous.csv")
+    write_strips(folder / "off-axis.csv")
+
+
+def write_frames(file: Path) -> None:
+    """Write picture frames at several speeds, which stand still after their pull."""
+    fabric = preset_fabric("MD600")
+    frame = PictureFrame(side=0.2, thickness=fabric.thickness)
+    columns: dict[str, list[np.ndarray]] = {}
+    for number, speed in enumerate(PULLS):
+        travel = np.linspace(0.0, 70e-3, 36)
+        still = np.geomspace(1e-3 * STAND, STAND, 20)
+        time = np.append(travel / speed, travel[-1] / speed + still)
+        travel = np.append(travel, np.full(len(still), travel[-1]))
+        force = picture_frame_curve(fabric, WET, frame, time, travel, noise=NOISE, seed=4 + number)
+        for name, values in {
+            "time [s]": time,
+            "displacement [mm]": 1e3 * travel,
+            "force [N]": force,
+            "specimen": np.full(len(time), number),
+        }.items():
+            columns.setdefault(name, []).append(values)
+    write_coupon(
+        file,
+        {name: np.concatenate(parts) for name, parts in columns.items()},
+        "Picture frame 200 mm x 200 mm at 10, 50 and 250 mm/s along the diagonal, then held. "
+        "Synthetic: shear law of MD600, viscosity 2000 Pa s, Maxwell element 0.03 MPa in 2 s, with "
+        "2 % noise, not a measurement.",
+    )
+
+
+def write_strips(file: Path) -> None:
+    """Write off-axis tension of a unidirectional fabric at three angles."""
+    material = read_scene(UNIDIRECTIONAL, ['material.fibres.0.tension="100 GPa"']).material
+    length, width = 0.16, 0.04
+    travel = np.linspace(0.0, 30e-3, 31)[1:]
+    forces = [
+        noisy(
+            affine_tension(material.build(), np.radians(angle), 1.0 + travel / length).force(
+                width, material.thickness
+            ),
+            NOISE,
+            seed=7 + number,
+        )
+        for number, angle in enumerate(OFF_AXIS)
+    ]
+    write_coupon(
+        file,
+        {
+            "angle [deg]": np.repeat(OFF_AXIS, len(travel)),
+            "displacement [mm]": 1e3 * np.tile(travel, len(OFF_AXIS)),
+            "force [N]": np.concatenate(forces),
+            "specimen": np.repeat(np.arange(len(OFF_AXIS)), len(travel)),
+        },
+        "Off-axis tension of strips 160 mm x 40 mm x 0.6 mm. Synthetic: even state of the fabric "
+        "of examples/hemisphere_unidirectional with 2 % noise, not a measurement.",
     )
 
 

@@ -25,6 +25,21 @@ _TABLE = (
     '{shear_angle = "30 deg", stretch = [1.1, 0.99, 0.82], pressure = "0 0.02 0.4 MPa"},'
     '{shear_angle = "50 deg", stretch = [1.4, 1.25, 1.0], pressure = "0 0.02 0.4 MPa"}]',
 )
+# A dashpot and two Maxwell elements: six numbers that each element remembers.
+_VISCOUS = (
+    "material.viscous.viscosity=200 Pa*s",
+    'material.viscous.maxwell=[{ modulus = "0.03 MPa", relaxation_time = "20 ms" }, '
+    '{ modulus = "0.01 MPa", relaxation_time = "0.5 s" }]',
+)
+# One family, by the round numbers of examples/hemisphere_unidirectional.
+_UNIDIRECTIONAL = """material={ law = "fibre-families", thickness = "1.004 mm",
+areal_mass = "600 g/m^2", fibre_density = "1810 kg/m^3",
+membrane = { C23 = "0.1 MPa", C13 = "0.1 MPa" },
+compaction = { c0 = "0.1563 MPa", c1 = 60.4653, c2 = 2.4528 },
+bending = { C33 = "0.1 MPa", C23 = "0.1 MPa", C13 = "0.1 MPa" },
+fibres = [{ angle = "0 deg", tension = "1000 MPa", compression = "50 MPa", bending = "80 MPa" }],
+across = { tension = "4 MPa", compression = "20 MPa", bending = "4 MPa", torsion = "4 MPa",
+shear_polynomial = "1.5 0 4 0 0 MPa" } }""".replace("\n", " ")
 #: Overrides of the scene by what they add.
 LAWS: dict[str, tuple[str, ...]] = {
     "as published": (),
@@ -36,6 +51,8 @@ LAWS: dict[str, tuple[str, ...]] = {
     "shear-compaction coupling": ("material.compaction.shear_coupling=1.0",),
     "pressures by a table": _TABLE,
     "bending by curves": _CURVE,
+    "viscous shear, two Maxwell elements": _VISCOUS,
+    "one fibre family": (_UNIDIRECTIONAL,),
 }
 ROUNDS = 5
 FORMED = 0.3  # of the way to the middle of the stroke

@@ -9,7 +9,7 @@ import typer
 
 from lcmchain.commands.folders import output_folder
 from lcmchain.commands.options import OutFolder, Overrides
-from lcmchain.commands.terminal import console, progress_bar, quantity, say
+from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
 
 # Material of coupons that name no scene; blank and process only make it a whole scene.
 COUPON_SCENE = """
@@ -172,11 +172,15 @@ def _run_coupon(
     title = name.replace("_", "-")
     with output_folder(out or Path("results") / "coupon" / title, inputs=[scene]) as folder:
         from lcmchain.coupons.result import write_coupon
+        from lcmchain.scene.fabrics import preset_remarks
 
         simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)
         with progress_bar() as progress:
             ply = the_scene.only_ply("lcmchain coupon")
             result = simulate(ply.material, ply.element, progress=progress, **values, **counts)
-        write_coupon(folder, result)
+        remarks = preset_remarks(ply.material)
+        write_coupon(folder, result, remarks)
     console().print(result.table())
+    for remark in remarks:
+        warn(remark)
     say(f"Results in {folder}")

@@ -78,13 +78,33 @@ def identify_viscous(
     noise_floor: NoiseFloor = 0.01,
     accept: Accept = False,
 ) -> None:
-    """Shear polynomial and viscosity from picture frames: displacement, force, speed."""
+    """Shear and what resists its rate from picture frames: displacement, force, speed or time."""
     from lcmchain.identification.from_file import identify_viscous_file
 
     sizes = {"side": side, "thickness": thickness}
     _report_identification(
         data, out,
         lambda: identify_viscous_file(data, sizes, noise_floor=noise_floor, accept=accept),
+    )  # fmt: skip
+
+
+@identify_app.command("off-axis")
+def identify_off_axis(
+    data: CouponFile,
+    out: CouponFolder = None,
+    length: Annotated[str | None, _size("--strip-length", "160 mm")] = None,
+    width: Annotated[str | None, _size("--strip-width", "40 mm")] = None,
+    thickness: FabricThickness = None,
+    noise_floor: NoiseFloor = 0.01,
+    accept: Accept = False,
+) -> None:
+    """Unidirectional fabric from off-axis tension: angle, displacement, force."""
+    from lcmchain.identification.from_file import identify_off_axis_file
+
+    sizes = {"strip_length": length, "strip_width": width, "thickness": thickness}
+    _report_identification(
+        data, out,
+        lambda: identify_off_axis_file(data, sizes, noise_floor=noise_floor, accept=accept),
     )  # fmt: skip
 
 

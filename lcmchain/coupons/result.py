@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -103,8 +103,11 @@ class CouponResult:
         return table
 
 
-def write_coupon(folder: Path, result: CouponResult) -> list[Path]:
-    """Write curves, pictures, fields and comparisons into ``folder``; returns the files."""
+def write_coupon(folder: Path, result: CouponResult, remarks: Sequence[str] = ()) -> list[Path]:
+    """Write curves, pictures, fields and comparisons into ``folder``; returns the files.
+
+    ``remarks``: what a reader of the numbers has to know of the material.
+    """
     files = [folder / "curve.csv", folder / f"{result.name}.png", folder / "coupon.json"]
     with replacing(files[0]) as path:
         np.savetxt(
@@ -125,6 +128,7 @@ def write_coupon(folder: Path, result: CouponResult) -> list[Path]:
                 for c in result.comparisons
             ],
             "figures": dict(result.figures),
+            "warnings": list(remarks),
         }
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     if result.datasets is not None:

@@ -116,17 +116,17 @@ def read_coupon(
     wanted = {column.name: column.dimension for column in layout}
     for name, (position, unit) in headers.items():
         if name in wanted:
-            factor = _unit_factor(name, unit, wanted[name], path)
+            factor, zero = _unit_scale(name, unit, wanted[name], path)
         elif name == _TIME:
-            factor = 1.0
+            factor, zero = 1.0, 0.0
         else:
             if name != _SPECIMEN:
                 unused.append(str(table.columns[position]))
             continue
         values = _numbers(cells[:, position], name, lines, path)
         if name in wanted:
-            _require_usual_size(values, factor, wanted[name], name, lines, path)
-        columns[name] = factor * values
+            _require_usual_size(values, factor, zero, wanted[name], name, lines, path)
+        columns[name] = zero + factor * values
     specimen = np.zeros(len(lines), dtype=int)
     if _SPECIMEN in headers:
         names = [str(cell).strip() for cell in cells[:, headers[_SPECIMEN][0]]]
@@ -202,7 +202,10 @@ def _fitting_layout(layouts, headers, path) -> tuple[Column, ...]:
     )
 
 
-def _unit_factor(name: str, unit: str | None, dimension: Dimension, path: Path) -> float:
+def _unit_scale(
+    name: str, unit: str | None, dimension: Dimension, path: Path
+) -> tuple[float, float]:
+    """Return what 1 of a unit is in SI units over 0 of it, and what 0 is, as of degC."""
     if unit is None:
         raise InputError(
             f'column "{name}" has no unit; write for example "{name} [{dimension.common_units[0]}]"'
@@ -210,7 +213,10 @@ def _unit_factor(name: str, unit: str | None, dimension: Dimension, path: Path) 
             file=path,
         )
     try:
-        return parse_quantity(f"1 {unit}", dimension)
+        zero = parse_quantity(f"0 {unit}", dimension)
+        if zero == 0.0:
+            return parse_quantity(f"1 {unit}", dimension), 0.0
+        return parse_quantity(f"1 {unit}", dimension) - zero, zero
     except QuantityError as error:
         raise InputError(f'column "{name}": {error}', file=path) from None
 
@@ -233,11 +239,17 @@ def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
 
 
 def _require_usual_size(
-    values: np.ndarray, factor: float, dimension: Dimension, name: str, lines, path: Path
+    values: np.ndarray,
+    factor: float,
+    zero: float,
+    dimension: Dimension,
+    name: str,
+    lines,
+    path: Path,
 ) -> None:
-    """Refuse a value that no test has; ``factor`` makes it one in SI units."""
+    """Refuse a value that no test has; in SI units it is ``zero`` + ``factor`` times it."""
     with np.errstate(over="ignore"):
-        size = np.abs(values * factor)
+        size = np.abs(zero + factor * values)
     wrong = np.flatnonzero(
         (size > dimension.largest) | ((0.0 < size) & (size < dimension.smallest))
     )

@@ -17,6 +17,7 @@ from lcmchain.identification import (
     bending_curve,
     cantilever_tests,
     compaction,
+    off_axis,
     pressure_table,
     relaxing_compaction,
     shear,
@@ -41,6 +42,8 @@ from lcmchain.tools.motion import STANDARD_GRAVITY
 SIZES: dict[str, tuple[Dimension, Any, str]] = {
     "length": (LENGTH, "320 mm", "default, paper section 3.2.1"),
     "width": (LENGTH, "160 mm", "default, paper section 3.2.1"),
+    "strip_length": (LENGTH, "160 mm", "default, lcmchain coupon off-axis"),
+    "strip_width": (LENGTH, "40 mm", "default, lcmchain coupon off-axis"),
     "side": (LENGTH, "200 mm", "default, lcmchain coupon picture-frame"),
     "thickness": (LENGTH, MD600["thickness"], "default, MD600"),
     "areal_mass": (AREAL_MASS, MD600["areal_mass"], "default, MD600"),
@@ -104,6 +107,32 @@ def identify_viscous_file(
     data = read_coupon(path, viscous_shear.COLUMNS, minimum_rows=viscous_shear.MINIMUM_ROWS)
     return viscous_shear.identify_viscous_shear(
         data, PictureFrame(**values), noise_floor=noise_floor, inputs=_with_file(inputs, data),
+        accept=accept,
+    )  # fmt: skip
+
+
+def identify_off_axis_file(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    noise_floor: float = 0.01,
+    accept: bool = False,
+) -> Identification:
+    """Identify a unidirectional fabric from off-axis tension, as :func:`identify_shear_file`.
+
+    ``sizes``: strip_length, strip_width and thickness as text.
+
+    Raises
+    ------
+    InputError : a wrong file or size.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, ("strip_length", "strip_width", "thickness"))
+    data = read_coupon(path, off_axis.COLUMNS, minimum_rows=off_axis.MINIMUM_ROWS)
+    return off_axis.identify_off_axis(
+        data, length=values["strip_length"], width=values["strip_width"],
+        thickness=values["thickness"], noise_floor=noise_floor, inputs=_with_file(inputs, data),
         accept=accept,
     )  # fmt: skip
 

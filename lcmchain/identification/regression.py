@@ -166,6 +166,16 @@ def fit_linear(
     return _finish(design, parameters, design @ parameters, data, scale, constrained)
 
 
+def least_squares_within(
+    design: np.ndarray, data: np.ndarray, at_least: tuple[np.ndarray, np.ndarray]
+) -> np.ndarray:
+    """Return the parameters of least squares with G @ parameters >= h, ``at_least`` = (G, h)."""
+    parameters = _solve(design, data)
+    if np.any(at_least[0] @ parameters < at_least[1]):
+        return _solve_bounded(design, data, *at_least)
+    return parameters
+
+
 def fit_nonlinear(
     model: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,

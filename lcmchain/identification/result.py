@@ -16,6 +16,8 @@ SHOWN_UNITS = {
     "N*m": ("N*mm", 1e3),
     "m": ("mm", 1e3),
     "Pa*s": ("Pa*s", 1.0),
+    "s": ("s", 1.0),
+    "J/mol": ("kJ/mol", 1e-3),
     "1": ("", 1.0),
 }
 # Half an interval this large, relative to the value, leaves a parameter undetermined.

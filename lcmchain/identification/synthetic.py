@@ -15,6 +15,7 @@ from lcmchain.atomic import replacing
 from lcmchain.coupons.analytic import (
     CANTILEVER_ANGLE,
     BiasExtension,
+    PictureFrame,
     elastica,
     overhang_at_angle,
     power_law_pressure,
@@ -22,8 +23,12 @@ from lcmchain.coupons.analytic import (
 )
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.shear_compaction import free_shear_stress
+from lcmchain.materials.viscous_shear import ViscousShear
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
+
+# Steps in which a rate is followed from one row of a test to the next.
+_PARTS_OF_A_ROW = 60
 
 
 def preset_fabric(name: str = "MD600") -> Fabric:
@@ -47,6 +52,30 @@ def bias_extension_curve(
     """Return the machine force [N] at displacements [m]."""
     angle = specimen.shear_angle(displacement)
     return noisy(specimen.force(angle, lambda g: free_shear_stress(fabric, g)), noise, seed)
+
+
+def picture_frame_curve(
+    fabric: Fabric,
+    viscous: ViscousShear,
+    specimen: PictureFrame,
+    time: ArrayLike,
+    displacement: ArrayLike,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> np.ndarray:
+    """Return the force [N] of a frame at times [s] from 0 on, with travels [m] from 0 on."""
+    times, travels = np.asarray(time, dtype=float), np.asarray(displacement, dtype=float)
+    memory, of_rate = np.zeros(len(viscous.memory)), [0.0]
+    for start in range(len(times) - 1):
+        size = (times[start + 1] - times[start]) / _PARTS_OF_A_ROW
+        way = np.linspace(travels[start], travels[start + 1], _PARTS_OF_A_ROW + 1)
+        for strain in np.sin(specimen.shear_angle(way[1:])):
+            memory = viscous.in_step(strain, memory, size)
+        of_rate.append(float(memory[1]))
+    angle = np.where(travels > 0.0, specimen.shear_angle(travels), 0.0)
+    stress = free_shear_stress(fabric, angle) + np.array(of_rate)
+    return noisy(specimen.force(angle, lambda _: stress), noise, seed)
 
 
 def compaction_curve(

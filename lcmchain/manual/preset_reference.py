@@ -13,11 +13,17 @@ prints the same for the values that a scene takes from its preset; keys given be
 replace its values. The law is that of [Materials](materials.md#fabric).
 
 Only MD600 is published completely. Of the woven fabrics no source at hand gives shear, compaction
-and bending together: those values are **carried over** from MD600, `check` warns of it, and
-results are no prediction until tests of your own replace them
+and bending together: those values are **carried over** from MD600. `check`, runs, reports and
+coupons name the laws that a fabric does not have of its own, and what of the result is no
+prediction for it, until tests of your own replace them
 ([Identification](identification.md); `lcmchain new coupon` writes a scene with all values spelled
 out). They differ from MD600 in mass, fibre density and thickness, and serve to try a scene with a
 sheet of about that weight.
+
+`glass-plain-600` has **no shear law of its own**. The measured curves of a plain weave that are at
+hand ([two sizes](identification.md#one-fabric-two-sizes)) are of another fabric, 743 g/m² and
+1.2 mm of commingled glass and polypropylene: they are not passed off as its law.
+`python examples/identification/two_sizes.py` identifies that one.
 """
 
 

@@ -22,6 +22,14 @@ families at 0 and 90 degrees whose fibres are as stiff in compression are that f
 A unidirectional fabric has one family. What holds it together, stitching and friction, is stated
 across its fibres: a modulus in tension, one in compression, and the shear of the line across.
 
+Compression across the fibres may be measured by their spacing d instead of the line across,
+
+    (d² - 1)/2 = I_b - g² / (2 (1 + 2 I_a)),
+
+which fibres that slide along each other leave as it is (:func:`pressed_together`). It alone is not
+linear in the strain: what it adds to stress and tangent lies along the same directions, and its
+tangent is bounded by moduli of them. A law of its own (:class:`SpacedFibreFamiliesLaw`).
+
 The modulus of fibres jumps where they go from tension to compression. The tangent that stabilises
 the element takes the larger one, always: with it the hourglass energy keeps its potential.
 
@@ -41,6 +49,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.compaction import (
     compaction_stress_and_tangent,
@@ -72,6 +81,7 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
 )
 from lcmchain.materials.stiffness import AlongFibres, in_axes, read_by
+from lcmchain.materials.twins import twin_of
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     AbsentMeans,
@@ -247,6 +257,45 @@ def larger_moduli(law):
     return three_at(law, 7, FAMILY)
 
 
+@optional
+def with_spacing(law, E, a, b, n, m, s, k):
+    """Return w' and w'' of families and pairs, with what fibres bear that are pressed together.
+
+    Of a law whose line across bears all compression itself they are as they are.
+    """
+    return n, m, s, k
+
+
+@equation
+def pressed_together(law, E, a, b, n, m, s, k):
+    """Return them where the spacing of the fibres bears the compression across them."""
+    grown = 1.0 + 2.0 * read_by(a[0], E)
+    g = read_by(b[0], E)
+    turn = g / grown
+    line = read_by(a[1], E)
+    pulled, _ = fibre_response(law, 1, max(line, 0.0))
+    spaced = min(line - 0.5 * g * turn, 0.0)
+    pressed, harder = fibre_response(law, 1, spaced)
+    harder = harder if spaced < 0.0 else 0.0
+    stress = (n[0] + pressed * turn * turn, pulled + pressed, n[2])
+    # a term k (x - turn y)² is at most 2 k (x² + (turn y)²)
+    tangent = (m[0], max(m[1], 2.0 * harder), m[2])
+    shear = (s[0] - pressed * turn, s[1], s[2])
+    modulus = (k[0] - pressed / grown + 2.0 * harder * turn * turn, k[1], k[2])
+    return stress, tangent, shear, modulus
+
+
+@optional
+def larger_across(law, moduli):
+    """Return the largest moduli of directions that bound the step."""
+    return moduli
+
+
+@equation
+def larger_spacing(law, moduli):
+    return (moduli[0], 2.0 * moduli[1], moduli[2])
+
+
 @implements(membrane_response, FibreFamiliesLaw)
 @equation
 def families_response(law, E, history):
@@ -258,7 +307,7 @@ def families_response(law, E, history):
     s0, k0 = shear_stress_and_tangent(pair_shear(law, 0), read_by(b[0], E))
     s1, k1 = shear_stress_and_tangent(pair_shear(law, 1), read_by(b[1], E))
     s2, k2 = shear_stress_and_tangent(pair_shear(law, 2), read_by(b[2], E))
-    n, s = (n0, n1, n2), (s0, s1, s2)
+    n, m, s, k = with_spacing(law, E, a, b, (n0, n1, n2), (m0, m1, m2), (s0, s1, s2), (k0, k1, k2))
     S33, C33 = compaction_stress_and_tangent(law, E[2])
     S = (
         in_axes(a, n, b, s, 0),
@@ -268,7 +317,8 @@ def families_response(law, E, history):
         law.C23 * E[4],
         law.C13 * E[5],
     )
-    C = stiffness_of(law, (m0, m1, m2), larger_moduli(law), (k0, k1, k2), C33, law.C23, law.C13)
+    largest = larger_across(law, larger_moduli(law))
+    C = stiffness_of(law, m, largest, k, C33, law.C23, law.C13)
     return S, C
 
 
@@ -281,7 +331,8 @@ def families_hourglass_tangent(law, E, C_M, history):
         stabilising_shear_tangent(pair_shear(law, 1), read_by(b[1], E)),
         stabilising_shear_tangent(pair_shear(law, 2), read_by(b[2], E)),
     )
-    return stiffness_of(law, C_M.largest, C_M.largest, shear, C_M.C33, C_M.C23, C_M.C13)
+    own = larger_moduli(law)
+    return stiffness_of(law, own, own, shear, C_M.C33, C_M.C23, C_M.C13)
 
 
 @implements(tangent_slope, FibreFamiliesLaw)
@@ -320,7 +371,14 @@ def families_bending_stiffness(law):
     return stiffness_of(law, normal, normal, torsion, law.B33, law.B23, law.B13)
 
 
+SpacedFibreFamiliesLaw = twin_of(
+    FibreFamiliesLaw,
+    "Spaced",
+    about=", of a single family whose spacing bears the compression across it.",
+    answers={with_spacing: pressed_together, larger_across: larger_spacing},
+)
 LinearFibreFamiliesLaw = linear_class(FibreFamiliesLaw)
+LinearSpacedFibreFamiliesLaw = linear_class(SpacedFibreFamiliesLaw)
 
 
 # --- plain Python ---------------------------------------------------------------------------------
@@ -526,6 +584,7 @@ class FibreFamilies(Fabric):
     out_of_plane : C23, C13, c0, c1, c2, B33, B23, B13 by name [Pa].
     in_plane_bending : as of :class:`lcmchain.materials.fabric.Fabric`, of the families along the
         axes of the ply.
+    spaced : whether the spacing of the fibres of a single family bears the compression across it.
     """
 
     law: Any  # of class FibreFamiliesLaw
@@ -544,8 +603,10 @@ class FibreFamilies(Fabric):
         name: str = "fibre families",
         shear_range: float | None = None,
         in_plane_bending: float = 0.0,
+        spaced: bool = False,
     ) -> None:
         self.families = families
+        self.spaced = spaced
         self.normal = families if across is None else (*families, across)
         self.pairs = pairs
         values = np.zeros(SIZE)
@@ -554,7 +615,8 @@ class FibreFamilies(Fabric):
         for k, pair in enumerate(pairs):
             first = MOST_FAMILIES * FAMILY + k * PAIR
             values[first : first + PAIR] = pair.numbers()
-        law = FibreFamiliesLaw(plane=values, **out_of_plane)
+        law_class = SpacedFibreFamiliesLaw if spaced else FibreFamiliesLaw
+        law = law_class(plane=values, **out_of_plane)
         self.law = linear_where_constant(law)
         self.coupling = None
         self.relaxation = self.temperature = None
@@ -609,17 +671,47 @@ class FibreFamilies(Fabric):
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6)."""
         E = np.asarray(E)
         S, C = np.zeros_like(E), np.zeros((*E.shape, 6))
-        for own in self.normal:
+        for own in self._by_their_length:
             read = in_voigt(own.reader)
             _add(S, C, read, *own.response(E @ read)[:2])
         for pair in self.pairs:
             read = in_voigt(pair.reader)
             _add(S, C, read, *_shear_of(pair, E @ read)[:2])
+        if self.spaced:
+            strain, slope, curvature = self._spacing(E)
+            stress, modulus, _ = self.normal[1].response(np.minimum(strain, 0.0))
+            modulus = np.where(strain < 0.0, modulus, 0.0)
+            S += stress[..., None] * slope
+            C += modulus[..., None, None] * slope[..., :, None] * slope[..., None, :]
+            C += stress[..., None, None] * curvature
         for row, stiffness in ((4, self.law.C23), (5, self.law.C13)):
             S[..., row] = stiffness * E[..., row]
             C[..., row, row] = stiffness
         S[..., 2], C[..., 2, 2] = self._compaction(E[..., 2])
         return S, C
+
+    @property
+    def _by_their_length(self) -> tuple[Family, ...]:
+        """Directions whose own strain says what they bear, in compression too unless spaced."""
+        if not self.spaced:
+            return self.normal
+        fibres, across = self.normal
+        return fibres, across._replace(compression=Side(0.0))
+
+    def _spacing(self, E: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the strain of the spacing of the fibres, its slope (..., 6) and curvature.
+
+        With the square 1 + 2 I_a of the stretch along the fibres it is I_b - g²/(2 (1 + 2 I_a)).
+        """
+        along, across = (in_voigt(own.reader) for own in self.normal)
+        shear = in_voigt(self.pairs[0].reader)
+        grown = (1.0 + 2.0 * (E @ along))[..., None]
+        turn = (E @ shear)[..., None] / grown
+        strain = E @ across - 0.5 * (turn**2 * grown)[..., 0]
+        way = shear - 2.0 * turn * along
+        slope = across - turn * shear + turn**2 * along
+        curvature = -way[..., :, None] * way[..., None, :] / grown[..., None]
+        return strain, slope, curvature
 
     def stabilising_terms(self, E: ArrayLike) -> Terms:
         """Return the moduli that stabilise the element at strains E (..., 6)."""
@@ -692,8 +784,11 @@ class FibreFamilies(Fabric):
         E = np.asarray(E)
         law = self.law
         energy = 0.5 * (law.C23 * E[..., 4] ** 2 + law.C13 * E[..., 5] ** 2)
-        for own in self.normal:
+        for own in self._by_their_length:
             energy = energy + own.response(E @ in_voigt(own.reader))[2]
+        if self.spaced:
+            strain = np.minimum(self._spacing(E)[0], 0.0)
+            energy = energy + self.normal[1].response(strain)[2]
         for pair in self.pairs:
             g = E @ in_voigt(pair.reader)
             e12 = 0.5 * np.abs(g)
@@ -927,6 +1022,11 @@ class AcrossFibres(AlongDirection, ShearOfPair):
     """What holds a unidirectional fabric together across its fibres: stitching and friction."""
 
     bending: PositiveStiffness = Field(description="Bending stiffness across the fibres.")
+    compressed: Literal["line", "spacing"] = Field(
+        default="line",
+        description="What compression is measured by: the length of the line across, or the "
+        "spacing of the fibres, which sliding along each other leaves as it is.",
+    )
 
 
 class FamiliesMembrane(SceneModel):
@@ -1115,4 +1215,5 @@ class FibreFamiliesMaterial(FabricTable):
             name=self.name,
             shear_range=m.shear_range,
             in_plane_bending=b.in_plane,
+            spaced=self.across is not None and self.across.compressed == "spacing",
         )  # fmt: skip

@@ -7,6 +7,7 @@ complete: what is missing is carried over from MD600 and says so.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -218,14 +219,31 @@ def preset_basis(material: BaseModel) -> list[tuple[str, str, Basis]]:
     return PUBLISHED[name].kept(material) if name else []
 
 
+#: By table: what a fabric lacks whose values there are another's, and what that makes no
+#: prediction.
+_LACKS = {
+    "membrane": ("shear law", "shear angles, outline, forces"),
+    "compaction": ("compaction law", "thickness, pressures"),
+    "bending": ("bending stiffness", "wrinkles"),
+}
+
+
 def preset_remarks(material: BaseModel) -> list[str]:
-    """Say which values a material takes from a fabric that is not its own."""
+    """Say what of a material is that of a fabric that is not its own, and what rests on it."""
     carried = [key for key, _, basis in preset_basis(material) if basis.carried_over]
     if not carried:
         return []
     tables = sorted({key.split(".")[1] for key in carried})
+    lacks, rests = zip(*(own for table, own in _LACKS.items() if table in tables), strict=True)
     return [
-        f'material.preset = "{getattr(material, "preset", "")}" has no published values for '
-        f"{', '.join(tables)}: those of MD600 are carried over by assumption, so that shape and "
-        "forces are no prediction; give your own (lcmchain identify)"
+        f'material.preset = "{getattr(material, "preset", "")}" has no {_listed(lacks, "or")} '
+        f"of its own ({', '.join(tables)}): those of MD600, a {MD600.description}, are carried "
+        f"over by assumption, so that {_listed(rests, 'and')} are no prediction; give your own "
+        "(lcmchain identify)"
     ]
+
+
+def _listed(words: Sequence[str], last: str) -> str:
+    """Return words as they stand in a sentence."""
+    *ahead, end = words
+    return f"{', '.join(ahead)} {last} {end}" if ahead else end

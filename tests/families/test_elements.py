@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from of_families import fabric, fibres, like_md600, pair, triaxial, unidirectional
+from of_families import across, fabric, fibres, like_md600, pair, triaxial, unidirectional
 
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.elements.solid_shell.tangent import linearise, node_stiffness
@@ -21,6 +21,8 @@ THREE = fabric(
     fibres(-50.0),
     shear=[pair(1, 2, locking_angle="25 deg", locking_stiffness="80 MPa"), pair(2, 3)],
 )
+
+SPACED = fabric(fibres(20.0, compression=20.0), across=across(compressed="spacing"))
 
 
 class Batch:
@@ -69,9 +71,13 @@ def test_the_kernel_agrees_with_the_plain_element(batch):
         np.testing.assert_allclose(force[k], plain, rtol=0.0, atol=1e-9 * abs(plain).max())
 
 
-def test_only_fibres_have_a_share_in_the_hourglass_stiffness():
+@pytest.mark.parametrize(
+    "material", [unidirectional(20.0), pytest.param(SPACED, marks=pytest.mark.slow)],
+    ids=["line", "spacing"],
+)  # fmt: skip
+def test_only_fibres_have_a_share_in_the_hourglass_stiffness(material):
     """A single family: what is across its fibres stabilises the element with its whole modulus."""
-    own = Batch(unidirectional(20.0).build())
+    own = Batch(material.build())
     force = own.forces(own.x)
     for k in range(COUNT):
         element = ReferenceElement(own.X[k], own.fibres[k], own.material, OPTIONS, own.curvature[k])
@@ -102,8 +108,10 @@ def test_the_tangent_is_the_derivative_of_the_forces_and_symmetric(batch):
 
 
 @pytest.mark.slow
-def test_forces_derive_from_the_energy(batch):
+@pytest.mark.parametrize("material", [THREE, SPACED], ids=["three", "spacing"])
+def test_forces_derive_from_the_energy(material):
     """Work of the forces along a straight path against the change of the stored energies."""
+    batch = Batch(material.build())
     body = batch.model.body
     start = batch.X + 0.97 * (batch.x - batch.X)
     points, weights = np.polynomial.legendre.leggauss(3)
@@ -120,7 +128,7 @@ def test_forces_derive_from_the_energy(batch):
 
 @pytest.mark.slow
 def test_the_frequency_bound_is_never_too_low(batch):
-    jump = (THREE.build(), unidirectional(30.0).build())
+    jump = (THREE.build(), unidirectional(30.0).build(), SPACED.build())
     for material in (*jump, triaxial(10.0, shear=[pair(1, 2), pair(2, 3)]).build()):
         bound, true = make.bounds_and_frequencies(
             batch.references, batch.x, material, OPTIONS, np.random.default_rng(3)

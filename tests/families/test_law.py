@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from of_families import fabric, fibres, like_md600, pair, triaxial, unidirectional
+from of_families import across, fabric, fibres, like_md600, pair, triaxial, unidirectional
 
 from lcmchain.materials.fibre_families import _shear_of, in_voigt
 from lcmchain.materials.law import (
@@ -272,3 +272,67 @@ def test_fibres_are_softer_in_compression_and_by_a_factor():
     E = np.array([0.0, 0.01, 0.0, 0.0, 0.0, 0.0])
     assert soft.stress_and_tangent(E)[0][1] == own.stress_and_tangent(E)[0][1] == 0.01 * 2e6
     assert soft.fibre_modulus_factor == 0.25
+
+
+# --- compression across by the spacing of the fibres ----------------------------------------------
+
+
+def spaced(angle=20.0, **entries):
+    return fabric(fibres(angle, compression=20.0), across=across(compressed="spacing", **entries))
+
+
+def squeezed_strains():
+    """Random strains, most of them squeezed across, with fibres that hardly stretch."""
+    E = 0.1 * np.random.default_rng(3).standard_normal((60, 6))
+    along, over = (in_voigt(own.reader) for own in spaced().build().normal)
+    E -= np.outer(E @ along - 1e-3, along / (along @ along))
+    return E - np.outer(np.full(len(E), 0.04), over)
+
+
+def test_stress_and_tangent_of_the_spacing_are_those_of_its_energy():
+    built, E = spaced().build(), squeezed_strains()
+    S, C = built.stress_and_tangent(E)
+    assert np.count_nonzero(built._spacing(E)[0] < 0.0) > 30
+    for i, unit in enumerate(1e-6 * np.eye(6)):
+        ends = [built.membrane_energy(E + sign * unit) for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(S[:, i], (ends[0] - ends[1]) / 2e-6, rtol=1e-6, atol=1.0)
+        ends = [built.stress_and_tangent(E + sign * unit)[0] for sign in (1.0, -1.0)]
+        np.testing.assert_allclose(C[:, :, i], (ends[0] - ends[1]) / 2e-6, rtol=1e-5, atol=50.0)
+
+
+def test_the_compiled_spacing_is_the_plain_one_and_its_moduli_bound_the_tangent():
+    built, E = spaced().build(), squeezed_strains()
+    S, C = built.stress_and_tangent(E)
+    for strain, stress, tangent in zip(E, S, C, strict=True):
+        found, moduli = membrane_response(built.law, tuple(strain), ())
+        np.testing.assert_allclose(found, stress, rtol=1e-9, atol=1e-3)
+        bound = np.diag([0.0, 0.0, moduli.C33, 0.0, moduli.C23, moduli.C13])
+        for readers, values in (
+            (moduli.along, moduli.largest), (moduli.between, moduli.shear)
+        ):  # fmt: skip
+            for reader, modulus in zip(readers, values, strict=True):
+                read = in_voigt(np.array(reader))
+                bound = bound + modulus * np.outer(read, read)
+        assert np.linalg.eigvalsh(bound - tangent)[0] > -1e-3
+
+
+def test_fibres_that_slide_along_each_other_keep_what_presses_them_together():
+    """Squeezed to 0.9 and sheared at that spacing: the line across grows, the pressure stays."""
+    for angle in (0.0, 30.0):
+        line, own = (
+            fabric(fibres(0.0, compression=20.0), across=across(compressed=by)).build()
+            for by in ("line", "spacing")
+        )
+        k = math.tan(math.radians(angle))
+        F = np.array([[1.0, 0.9 * k], [0.0, 0.9]])
+        C = F.T @ F
+        E = np.array([0.5 * (C[0, 0] - 1), 0.5 * (C[1, 1] - 1), 0.0, C[0, 1], 0.0, 0.0])
+        # force across the fibres per initial length of them: row 2 of F S on the normal 2
+        S = own.stress_and_tangent(E)[0]
+        pressed = (F @ np.array([[S[0], S[3]], [S[3], S[1]]]))[1, 1]
+        stress = line.stress_and_tangent(np.array([0.0, 0.5 * (0.81 - 1), 0, 0, 0, 0]))[0][1]
+        pulled = max(E[1], 0.0) * 2e6  # stitching along the line
+        assert pressed == pytest.approx(0.9 * (stress + pulled), rel=1e-9)
+        if angle:
+            loose = line.stress_and_tangent(E)[0]
+            assert loose[1] > 0.0 > stress

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lcmchain import cli
+from lcmchain.coupons.result import CouponResult
 
 STEEL = """
 process = { time = "1 s" }
@@ -41,6 +42,25 @@ def test_compaction_writes_curve_picture_and_comparisons(tmp_path, capsys):
     assert {c["quantity"] for c in summary["comparisons"]} == {
         "pressure at 0.02 MPa", "pressure at 0.05 MPa"
     }  # fmt: skip
+    assert summary["warnings"] == []
+
+
+def test_a_coupon_says_which_laws_are_not_those_of_its_fabric(tmp_path, capsys, monkeypatch):
+    def simulated(material, element, **rest):
+        return CouponResult(
+            name="compaction", settings={}, curves={"thickness [mm]": np.ones(2)}, comparisons=(),
+            draw=lambda path: path.write_bytes(b""), datasets=None,
+        )  # fmt: skip
+
+    monkeypatch.setattr("lcmchain.coupons.compaction.compaction", simulated)
+    for preset, count in (("glass-plain-600", 1), ("MD600", 0)):
+        out = tmp_path / preset
+        code = exit_code("coupon", "compaction", "--set", f"material.preset={preset}", "--out", out)
+        assert code == 0
+        shown = " ".join(capsys.readouterr().out.split())
+        told = json.loads((out / "coupon.json").read_text())["warnings"]
+        assert len(told) == count
+        assert all("has no shear law" in text and text in shown for text in told)
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,11 @@ def test_a_value_of_the_scene_is_no_longer_the_presets() -> None:
 def test_a_warning_says_what_is_carried_over_until_all_of_it_is_replaced(name) -> None:
     (warning,) = [text for text in scene_warnings(scene_of(name)) if "preset" in text]
     assert "bending, compaction, membrane" in warning and "identify" in warning
+    assert "has no shear law, compaction law or bending stiffness of its own" in warning
+    assert "outline, forces, thickness, pressures and wrinkles are no prediction" in warning
+    bent = 'bending = { C11 = "30 MPa", C22 = "30 MPa", C12 = "3 MPa" }'
+    (warning,) = [text for text in scene_warnings(scene_of(name, bent)) if "preset" in text]
+    assert "bending" not in warning and "wrinkles" not in warning
     own = """
 compaction = { c0 = "0.1 MPa", c1 = 50.0, c2 = 2.0 }
 bending = { C11 = "30 MPa", C22 = "30 MPa", C12 = "3 MPa" }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import pickle
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,6 +55,7 @@ maxwell = [
   { modulus = "0.2 MPa", relaxation_time = "100 ms" },
 ]
 """
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "viscous"
 CROSS = ViscousShear(
     viscosity=3e3,
     infinite_viscosity=40.0,
@@ -476,3 +479,17 @@ def test_a_run_is_bit_identical_with_its_memory():
     again.state.history[:] = 0.0
     again.advance_to(6e-3)
     assert not np.array_equal(again.state.position, simulation.state.position)
+
+
+@pytest.mark.slow
+def test_the_example_resists_a_faster_punch_by_more(tmp_path):
+    """The force above that of the dry fabric, and what is lost to the rate."""
+    compare = runpy.run_path(str(EXAMPLE / "compare.py"))
+    force, lost = {}, {}
+    for name, time in (("wet", 400.0), ("wet", 100.0), ("dry", 100.0)):
+        cells = [cell.strip() for cell in compare["row"](name, time, tmp_path, 10.0).split("|")]
+        force[name, time], lost[name, time] = float(cells[3]), float(cells[5])
+    slow, fast = force["wet", 400.0], force["wet", 100.0]
+    dry = force["dry", 100.0]
+    assert dry < slow < fast and fast - dry > 2.0 * (slow - dry)
+    assert lost["dry", 100.0] == 0.0 and lost["wet", 100.0] > lost["wet", 400.0] > 0.1
