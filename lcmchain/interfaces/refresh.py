@@ -257,7 +257,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     if held >= 0:
         r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
         before = touch_of(rows, at, r, none, dt_last)
-        if before.gap < rows[at + REACH * SPAN] and rests(data, arrays, point):
+        if rests(data, arrays, point):  # the renewed spring may have it within its reach
             v = way_to_facet(arrays.velocity, data.facet_node, held, rows, at, point)
             put_vector(rows, WAY, at, r)
             put_vector(rows, MOVED, at, scaled(dt_last, v))
