@@ -62,8 +62,8 @@ def require_kept_in_manual(name: str, results: list[CaseResult], table: list[lis
 
 
 #: Cases that take kernels of their own for what default tests show on smaller models: coupons in
-#: tests/study and tests/verification, stick and slip of plies in tests/interfaces.
-LEFT_TO_THE_SLOW_RUN = {"bias_extension", "stick_and_slip_of_plies"}
+#: tests/study and tests/verification, stick and slip, rims and folds of plies in tests/interfaces.
+LEFT_TO_THE_SLOW_RUN = {"bias_extension", "stick_and_slip_of_plies", "edge_over_a_fold"}
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name not in LEFT_TO_THE_SLOW_RUN])

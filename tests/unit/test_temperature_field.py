@@ -125,3 +125,51 @@ def test_a_coupon_has_one_temperature():
     material = scene_from_text(SCENE.format(text)).material
     with pytest.raises(InputError, match="differs over the blank, and a coupon has one"):
         compaction(material)
+
+
+def test_all_that_a_fabric_remembers_stands_one_behind_the_other():
+    """Relaxing compaction, a temperature, rates and friction of the shear, losses of the bending."""
+    fabric = scene_from_text(
+        """
+process = { time = "20 ms" }
+blank = { size = ["20 mm", "20 mm"], edge_length = "10 mm", height = "0.502 mm" }
+[material]
+preset = "MD600"
+compaction.shear_coupling = 0.7
+membrane.friction = { stress = "5 kPa", angle = "1 deg", growth = 0.3 }
+bending.friction_1 = { moment = "0.02 N", curvature = "4 1/m" }
+[material.viscous]
+viscosity = "2000 Pa*s"
+maxwell = [{ modulus = "0.05 MPa", relaxation_time = "2 ms" }]
+compaction = [{ share = 0.5, relaxation_time = "4 ms" }, { share = 0.3, relaxation_time = "1 s" }]
+reference_temperature = "290 degC"
+activation_energy = "60 kJ/mol"
+temperature_field = { x = "-10 10 mm", temperature = ["270 degC", "310 degC"] }
+"""
+    ).material.build()
+    law, memory = fabric.law, fabric.initial_history(np.array([[2e-3, 0.0, 0.0]]))[:, 0]
+    size, factor = 1e-3, memory[fabric.law.rate_factor_at]
+    assert factor != 1.0
+    for E in ((0, 0, -0.05, 0.1, 0, 0), (0, 0, -0.1, 0.25, 0, 0), (0, 0, -0.07, 0.2, 0, 0)):
+        E = np.array(E, dtype=float)
+        step = Step(size, 0.0)
+        found = membrane_response(law, tuple(E), (*memory, *step))[0]
+        plain = (
+            fabric.stress_and_tangent(E)[0] + fabric.rate_stress(E[None], memory[:, None], step)[0]
+        )
+        np.testing.assert_allclose(found, plain, rtol=1e-9, atol=1e-3)
+        elastic = fabric._shear(E[3])[0]
+        after = [
+            *fabric.relaxed(E, memory[: len(fabric.relaxation.memory)], size * factor),
+            factor,
+            *fabric.viscous.in_step(E[3], fabric.viscous.own_memory(law, memory), size * factor),
+            *fabric.shear_friction.in_step(
+                E[3], fabric.shear_friction.own_memory(law, memory), elastic
+            ),
+        ]
+        kept = evolved_history(law, tuple(E), (*memory, *step))
+        np.testing.assert_allclose(kept, after, rtol=1e-9, atol=1e-12)
+        memory[: len(after)] = after
+    assert len(memory) == len(after) + len(fabric.bending_losses.memory)
+    names = [entry.name for entry in law.remembers]
+    assert names[len(after)] == "curvature_before_1"
