@@ -68,9 +68,8 @@ _OUTLINE = (
     "corners of blank.outline"
 )
 _HELD_BY_TOOLS = (
-    'tools hold and load the sheet: a plate with motion = { type = "guided", ... } presses with '
-    "its mass and force as a blank holder does, and friction restrains; single points or edges "
-    "cannot be fixed or sprung"
+    "[[grippers]] hold, lead or pull a place of the sheet (lcmchain docs grippers); a plate with "
+    'motion = { type = "guided", ... } presses with its mass and force as a blank holder does'
 )
 _LOADS = (
     "what loads the sheet is a tool with a stroke or a force (motion = "

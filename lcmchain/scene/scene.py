@@ -175,8 +175,7 @@ class Scene(SceneModel):
             units=False,
             maximum_count=MOST_GRIPPERS,
         ),
-        AbsentMeans(""),
-    ] = Field(default=(), description="What holds, leads or pulls places of the sheet.")
+    ] = ()
     draping: Draping = Field(default_factory=Draping)
     output: Output = Field(default_factory=Output)
     mapping: Annotated[

@@ -128,7 +128,7 @@ def test_a_coupon_has_one_temperature():
 
 
 def test_all_that_a_fabric_remembers_stands_one_behind_the_other():
-    """Relaxing compaction, a temperature, rates and friction of the shear, losses of the bending."""
+    """Relaxing compaction, a temperature, rates and friction of the shear, and of the bending."""
     fabric = scene_from_text(
         """
 process = { time = "20 ms" }

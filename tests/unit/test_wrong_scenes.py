@@ -162,9 +162,8 @@ WRONG = {
     "holes": (
         replaced(("edge_length", "holes = []\nedge_length")), "blank.holes", "no holes within it"
     ),
-    "clamps": (SCENE + "[[clamps]]\n", "clamps", "as a blank holder does"),
-    "springs": (SCENE + "[[springs]]\n", "springs", "cannot be fixed or sprung"),
-    "grippers": (SCENE + "[[grippers]]\n", "grippers", "as a blank holder does"),
+    "clamps": (SCENE + "[[clamps]]\n", "clamps", "[[grippers]] hold"),
+    "springs": (SCENE + "[[springs]]\n", "springs", "as a blank holder does"),
     "missing key": (replaced(('edge_length = "5 mm"\n', "")), "blank.edge_length", "is missing"),
     "unknown table": (SCENE + "[proces]\n", "proces", 'did you mean "process"?'),
     "key in the wrong table": (
