@@ -482,7 +482,7 @@ class Simulation:
             **self.model.nodes._asdict(), **self.state.as_dict(), **self._scratch.as_dict(),
         }  # fmt: skip
         if self.model.supports is None:
-            arrays["free"] = None  # the loop leaves out what it is for
+            arrays["free"] = self.model.nodes.free  # nothing that lets go changes it
         self._arrays = Arrays(**arrays)
 
     def _advance(self, step_count: int, step: float) -> None:

@@ -79,8 +79,8 @@ def told(the_scene):
 def test_every_effect_has_an_entry_but_those_without_one_in_a_scene():
     assert {key_of(file) for file in EFFECTS} - {""} == set(switches())
     without = [file.__name__.rsplit(".")[-1] for file in EFFECTS if not key_of(file)]
-    # none is switched: plies of a scene touch, a coupon has supports, and process.time is an entry
-    assert without == ["ply_contact", "supports", "pace"]
+    # none is switched: plies of a scene touch, a coupon has supports, and the others are entries
+    assert without == ["ply_contact", "supports", "grippers", "pace"]
     assert set(type(scene(BARE).effects).model_fields) == set(switches())
 
 

@@ -119,7 +119,7 @@ def _named(key: str, value: str, document: dict) -> str:
         if isinstance(node, list):
             names = [entry.get("name") for entry in node if isinstance(entry, dict)]
             index = names.index(part) if part in names else int(part)
-            part = names[index] if names else part
+            part = (names[index] if names else None) or part  # a list of tables without names
             node = node[index]
         else:
             node = node.get(part) if isinstance(node, dict) else None

@@ -130,11 +130,11 @@ def drawn_rarely(draw):
     """Draw the picture of the start for every tenth case: it takes longer than all the rest."""
     count = 0
 
-    def drawn(*arguments):
+    def drawn(*arguments, **named):
         nonlocal count
         count += 1
         if count % 10 == 0:
-            draw(*arguments)
+            draw(*arguments, **named)
 
     return drawn
 

@@ -27,7 +27,7 @@ def on_the_path():
 def test_wrong_input_ends_in_one_message(kind, tmp_path, monkeypatch):
     from run import Fuzzer
 
-    monkeypatch.setattr("lcmchain.check.report.draw_start", lambda *arguments: None)
+    monkeypatch.setattr("lcmchain.check.report.draw_start", lambda *arguments, **named: None)
     fuzzer = Fuzzer(kind, 20, tmp_path)
     verdicts, failed = Counter(), []
     for number in range(CASES[kind]):
