@@ -31,7 +31,7 @@ from lcmchain.coupons.specimen import (
 )
 from lcmchain.effects.supports import Support
 from lcmchain.materials.fabric import FabricMaterial
-from lcmchain.materials.law import Material, bending_response
+from lcmchain.materials.law import Material, bending_losses_of, bending_response
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
@@ -162,7 +162,7 @@ def moments_along(
     E[:, direction] = height * bent
     S = bending_response(material, E, height)[0][:, direction]
     found = S * material.thickness**3 / (12.0 * height)
-    losses: Any = getattr(material, "bending_losses", None)
+    losses: Any = bending_losses_of(material)
     if losses is None:
         return found
     memory, own = np.zeros(len(losses.memory)), [0.0]

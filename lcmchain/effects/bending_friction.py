@@ -20,6 +20,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
+from lcmchain.materials.law import bending_losses_of
 
 SWITCH = Switch(
     entry="material.bending.friction_1, material.bending.friction_2",
@@ -31,7 +32,7 @@ SWITCH = Switch(
 
 
 def _in_words(material: Any) -> str | None:
-    losses = getattr(material, "bending_losses", None)
+    losses = bending_losses_of(material)
     if losses is None or not losses.rubs:
         return None
     return "; ".join(

@@ -21,6 +21,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
+from lcmchain.materials.law import bending_losses_of
 
 SWITCH = Switch(
     entry="material.bending.viscous_1, material.bending.viscous_2",
@@ -32,7 +33,7 @@ SWITCH = Switch(
 
 
 def _in_words(material: Any) -> str | None:
-    losses = getattr(material, "bending_losses", None)
+    losses = bending_losses_of(material)
     if losses is None or not losses.resists_rates:
         return None
     told = []

@@ -46,6 +46,7 @@ from lcmchain.materials.law import (
     knows_step,
     remembered,
     stored_bending,
+    sum_text,
     unrolled,
     with_bending_losses,
 )
@@ -265,10 +266,6 @@ def _tuple(terms: list[str]) -> str:
     return f"({''.join(f'{term}, ' for term in terms)})"
 
 
-def _sum(terms: list[str]) -> str:
-    return " + ".join(terms) or "0.0"
-
-
 def _of(own: Any, direction: int | None, *, of_rate: bool) -> list[tuple[int, Element]]:
     """Return the elements of a direction with their numbers."""
     return [
@@ -306,7 +303,7 @@ def moments_after(law, own, way_1, way_2):
 
 
 def _friction_text(own: Any) -> str:
-    sums = [_sum([f"moments[{k}]" for k, _ in _of(own, d, of_rate=False)]) for d in DIRECTIONS]
+    sums = [sum_text([f"moments[{k}]" for k, _ in _of(own, d, of_rate=False)]) for d in DIRECTIONS]
     return "lambda law, moments: " + _tuple(sums)
 
 
@@ -319,7 +316,7 @@ def _rate_text(own: Any) -> str:
     sums = ["0.0", "0.0"]
     if own.bending_resists_rates:
         sums = [
-            _sum(
+            sum_text(
                 [f"dashpot_moment(law.bending_viscosity_{d}, way_{d}, own[-1])"]
                 + [f"moments[{k}]" for k, _ in _of(own, d, of_rate=True)]
             )
@@ -339,7 +336,7 @@ def _friction_loss_text(own: Any) -> str:
         f"way_{e.direction})"
         for k, e in _of(own, None, of_rate=False)
     ]
-    return "lambda law, own, moments, way_1, way_2: " + _sum(terms)
+    return "lambda law, own, moments, way_1, way_2: " + sum_text(terms)
 
 
 @unrolled(_friction_loss_text, dahl_loss=dahl_loss)
@@ -359,7 +356,7 @@ def _rate_loss_text(own: Any) -> str:
             f" - stored_by(moments[{k}], law.{e.modulus}))"
             for k, e in _of(own, None, of_rate=True)
         ]
-    return "lambda law, own, moments, rates, way_1, way_2: " + _sum(terms)
+    return "lambda law, own, moments, rates, way_1, way_2: " + sum_text(terms)
 
 
 @unrolled(_rate_loss_text, stored_by=stored_by)
@@ -389,7 +386,7 @@ def _stored_text(own: Any) -> str:
     terms = [
         f"stored_by(history[{first + e.place}], law.{e.modulus})" for e in own.bending_elements
     ]
-    return "lambda law, history: " + _sum(terms)
+    return "lambda law, history: " + sum_text(terms)
 
 
 @unrolled(_stored_text, stored_by=stored_by)
@@ -401,7 +398,7 @@ def _glassy_text(own: Any) -> str:
     sums = []
     for d in DIRECTIONS:
         stiff = [f"2.0 * law.{e.modulus}" for _, e in _of(own, d, of_rate=False)]
-        sums.append(_sum(stiff + [f"law.{e.modulus}" for _, e in _of(own, d, of_rate=True)]))
+        sums.append(sum_text(stiff + [f"law.{e.modulus}" for _, e in _of(own, d, of_rate=True)]))
     return "lambda law: " + _tuple(sums)
 
 

@@ -44,6 +44,7 @@ __all__ = [
     "Step",
     "bending_bound",
     "bending_excess",
+    "bending_losses_of",
     "bending_response",
     "bending_stiffness",
     "bending_stress",
@@ -53,6 +54,7 @@ __all__ = [
     "bends_by_curves",
     "fibre_angles",
     "takes_fibre_share",
+    "sum_text",
     "unrolled",
     "couples_shear",
     "evolved_bending",
@@ -282,6 +284,11 @@ def written(text: str, **names: Any) -> Callable[..., Any]:
     return eval(text, {"__name__": __name__, **names})
 
 
+def sum_text(terms: list[str]) -> str:
+    """Return the text of a sum, for what is written out."""
+    return " + ".join(terms) or "0.0"
+
+
 _WITHOUT_STEP, _WITH_STEP = "law, data, i, stride", "law, data, i, stride, step"
 
 
@@ -441,12 +448,20 @@ def bends_by_curves(material: Material) -> bool:
     return bool(getattr(material, "bends_by_curves", False))
 
 
+def bending_losses_of(material: Material) -> Any:
+    """Return what the bending of a material loses; None without.
+
+    See :class:`lcmchain.materials.bending_losses.BendingLosses`.
+    """
+    return getattr(material, "bending_losses", None)
+
+
 def bends_at_reference_thickness(material: Material) -> bool:
     """Tell whether the bending of a material is always that of its initial thickness.
 
     So are measured moments: curves, friction, and what resists the rate.
     """
-    return bends_by_curves(material) or getattr(material, "bending_losses", None) is not None
+    return bends_by_curves(material) or bending_losses_of(material) is not None
 
 
 def tangent_coupling_of(
@@ -516,7 +531,7 @@ def bending_stress_in_step(
     height : half the thickness of the element [m]. history : (history_count,) at the start of the
     step. A material whose law implements :func:`with_bending_losses` has ``bending_losses``.
     """
-    S, losses = np.zeros(6), getattr(material, "bending_losses", None)
+    S, losses = np.zeros(6), bending_losses_of(material)
     if losses is None or history is None:
         return S
     own = losses.own_memory(material.law, history)

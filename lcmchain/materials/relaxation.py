@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.compaction import compaction_of, compaction_stress_and_tangent
-from lcmchain.materials.law import Remembered, history_count, remembered, unrolled
+from lcmchain.materials.law import Remembered, history_count, remembered, sum_text, unrolled
 from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
 from lcmchain.materials.shear_compaction import strain_of, thickening
 from lcmchain.materials.temperature_field import elapsed
@@ -172,10 +172,6 @@ def _elements(law_class: Any, term: str) -> list[str]:
     return [term.format(k=k + 1, place=len(OWN_MEMORY) + k) for k in numbers]
 
 
-def _sum(terms: list[str]) -> str:
-    return " + ".join(terms) or "0.0"
-
-
 _AFTER = "maxwell_moment(own[{place}], law.share_{k}, law.compaction_time_{k}, change, size), "
 
 
@@ -198,13 +194,13 @@ def stresses_after(law: Any, own: tuple, change: float, size: float) -> tuple:
     )
 
 
-@unrolled(lambda own: f"lambda law, own: {_sum(_elements(own, 'own[{place}]'))}")
+@unrolled(lambda own: f"lambda law, own: {sum_text(_elements(own, 'own[{place}]'))}")
 def sum_before(law: Any, own: tuple) -> float:
     """Return the stress of all elements before the step."""
     return sum(own[len(OWN_MEMORY) : -1])
 
 
-@unrolled(lambda own: f"lambda law: {_sum(_elements(own, 'law.share_{k}'))}")
+@unrolled(lambda own: f"lambda law: {sum_text(_elements(own, 'law.share_{k}'))}")
 def share_at_once(law: Any) -> float:
     """Return the share of the law that all elements have together."""
     return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))
@@ -212,7 +208,7 @@ def share_at_once(law: Any) -> float:
 
 @unrolled(
     lambda own: (
-        "lambda law, stresses: " + _sum([f"stresses[{k}]" for k in range(own.relaxing_count)])  # type: ignore[attr-defined]
+        "lambda law, stresses: " + sum_text([f"stresses[{k}]" for k in range(own.relaxing_count)])  # type: ignore[attr-defined]
     )
 )
 def sum_after(law: Any, stresses: tuple) -> float:

@@ -53,6 +53,7 @@ from lcmchain.materials.law import (
     Step,
     history_count,
     remembered,
+    sum_text,
     unrolled,
     viscosity,
 )
@@ -282,19 +283,17 @@ def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     )
 
 
-def _sum(terms: list[str]) -> str:
-    return " + ".join(terms) or "0.0"
+def _moments(law_class: Any) -> list[str]:
+    return [f"moments[{k}]" for k in range(law_class.maxwell_count)]
 
 
-@unrolled(
-    lambda own: "lambda law, moments: " + _sum([f"moments[{k}]" for k in range(own.maxwell_count)])  # type: ignore[attr-defined]
-)
+@unrolled(lambda own: "lambda law, moments: " + sum_text(_moments(own)))
 def sum_of_moments(law: Any, moments: tuple) -> float:
     """Return the moment of all Maxwell elements."""
     return sum(moments)
 
 
-@unrolled(lambda own: "lambda law: " + _sum(_elements(own, "law.modulus_{k}")))
+@unrolled(lambda own: "lambda law: " + sum_text(_elements(own, "law.modulus_{k}")))
 def glassy_modulus(law: Any) -> float:
     """Return the modulus of all Maxwell elements together."""
     return sum(getattr(law, f"modulus_{k + 1}") for k in range(law.maxwell_count))
@@ -303,7 +302,7 @@ def glassy_modulus(law: Any) -> float:
 @unrolled(
     lambda own: (
         "lambda law, own, moments: "
-        + _sum(
+        + sum_text(
             [
                 f"(moments[{k}] * moments[{k}] - own[{3 + k}] * own[{3 + k}])"
                 f" / (2.0 * law.modulus_{k + 1})"
@@ -323,7 +322,7 @@ def stored_more(law: Any, own: tuple, moments: tuple) -> float:
 @unrolled(
     lambda own: (
         "lambda law, g, stress, lost, moments: (g, stress, lost, "
-        + "".join(f"moments[{k}], " for k in range(own.maxwell_count))  # type: ignore[attr-defined]
+        + "".join(f"{moment}, " for moment in _moments(own))
         + ")"
     )
 )

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.materials.law import bending_losses_of
 from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
 
@@ -77,7 +78,7 @@ class StaticProblem:
 
     def __post_init__(self) -> None:
         material = self.model.body.material
-        losses = getattr(material, "bending_losses", None)
+        losses = bending_losses_of(material)
         if losses is not None:
             raise InputError(
                 f'of "{material.name}" loses energy (friction_1, viscous_1) along a way that the '

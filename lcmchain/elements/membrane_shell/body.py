@@ -40,6 +40,7 @@ from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
+    bending_losses_of,
     bends_by_curves,
     history_count,
     knows_step,
@@ -104,7 +105,7 @@ class MembraneShellBody:
                 'use element = "solid-shell", or leave out curve_1 and curve_2',
                 key="material.bending",
             )
-        if getattr(material, "bending_losses", None) is not None:
+        if bending_losses_of(material) is not None:
             raise InputError(
                 f"of {material.name} loses energy (friction_1, viscous_1), unknown to elements "
                 'without thickness; use element = "solid-shell", or leave them out',

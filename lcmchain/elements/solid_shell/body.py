@@ -40,6 +40,7 @@ from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
     MaterialWithMemory,
+    bending_losses_of,
     bends_at_reference_thickness,
     couples_shear,
     history_count,
@@ -334,7 +335,7 @@ class SolidShellBody:
         # the squares of the gradients of 2 E12, and of E11 and E22 linear in ζ, in the reference
         rows = self.geometry.K[:, :2, :2] ** 2
         damping = viscosity_of(self.material, np.zeros(6))[3] * rows.sum(axis=(1, 2))
-        losses = getattr(self.material, "bending_losses", None)
+        losses = bending_losses_of(self.material)
         if losses is not None:
             damping += self.data.options.zeta2 * rows.sum(axis=1) @ losses.viscosities()
         whole, cut, usual = self._fibre_bounds_of_elements / factor, 0.0, 0.0

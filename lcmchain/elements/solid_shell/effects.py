@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
-from lcmchain.materials.law import Material, Remembered, remembered
+from lcmchain.materials.law import Material, Remembered, bending_losses_of, remembered
 from lcmchain.materials.relaxation import relaxation_of
 from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.materials.shear_friction import shear_friction_of
@@ -29,7 +29,7 @@ def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, t
 
 def _memory(material: Material) -> tuple[Remembered, ...]:
     """Return what the law remembers, but for what effects of its own tell of."""
-    losses = getattr(material, "bending_losses", None)
+    losses = bending_losses_of(material)
     apart = (viscous_of(material), relaxation_of(material), shear_friction_of(material), losses)
     told = [own for part in apart if part is not None for own in part.memory]
     return tuple(own for own in remembered(material.law) if own not in told)
