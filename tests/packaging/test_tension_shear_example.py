@@ -19,8 +19,9 @@ CASES = Path(__file__).with_name("tension_shear_cases.py")
 def run_cases(folder: Path, marked: str) -> None:
     """Run the cases that are marked so."""
     options = ("-p", "no:cacheprovider", "-q", "-n", "0", "-m", marked)
+    # -P: the package is the installed one, not the folder lcmchain/ where the tests are started.
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, str(CASES)],
+        [sys.executable, "-P", "-m", "pytest", *options, str(CASES)],
         env=os.environ | {"NUMBA_CACHE_DIR": str(folder / "cache"), "PYTEST_ADDOPTS": ""},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
