@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,24 @@ def load_threading_library() -> None:
     """Make the TBB that pip installed visible to numba; without it numba takes OpenMP.
 
     TBB's fork and join stay fast on a busy machine, where OpenMP's active waiting does not. pip
-    puts the library into the environment's ``lib``, which the dynamic loader does not search.
+    puts the library into the environment's ``lib``, which the dynamic loader does not search; of
+    packages that lie elsewhere (``pip install --user`` or ``--target``) it lists where that is.
     """
     for name in ("libtbb.so.12", "libtbb.12.dylib"):
         path = Path(sys.prefix) / "lib" / name
+        if not path.exists():
+            path = _file_of_package("tbb", name) or path
         if path.exists():
             ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+
+
+def _file_of_package(package: str, name: str) -> Path | None:
+    """Return where pip has put a file of a package, or None."""
+    try:
+        found = [file for file in files(package) or () if file.name == name]
+    except PackageNotFoundError:
+        return None
+    return Path(found[0].locate()).resolve() if found else None  # type: ignore[arg-type]
 
 
 def launch_before_compiled_code_is_loaded() -> None:

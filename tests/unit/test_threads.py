@@ -91,3 +91,15 @@ def test_a_serial_function_that_holds_a_parallel_loop_can_be_the_first_one_read_
         found = called(function)
         assert found.returncode == 0, f"{function}: signal {-found.returncode} {found.stderr}"
         assert float(found.stdout) == 20.0
+
+
+def test_a_library_that_pip_put_elsewhere_is_found(tmp_path, monkeypatch):
+    record = tmp_path / "sheets-1.0.dist-info"
+    record.mkdir()
+    (record / "METADATA").write_text("Metadata-Version: 2.1\nName: sheets\nVersion: 1.0\n")
+    (record / "RECORD").write_text("sheets/__init__.py,,\nlib/libsheets.so.1,,\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    found = threads._file_of_package("sheets", "libsheets.so.1")
+    assert found == tmp_path / "lib" / "libsheets.so.1"
+    assert threads._file_of_package("sheets", "other.so") is None
+    assert threads._file_of_package("no such package", "libsheets.so.1") is None
