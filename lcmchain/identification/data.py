@@ -19,6 +19,8 @@ _SPECIMEN = "specimen"
 _TIME = "time"
 # A loading branch may step back by this share of its range (resolution of the sensors).
 _JITTER = 0.01
+# What rounding leaves of the largest value where a quantity passes through zero.
+_ROUNDING = 1e-12
 # Far above any test: what is larger is another file, or was written at a rate to be thinned out.
 MOST_BYTES = 20_000_000
 MOST_COLUMNS = 200
@@ -34,11 +36,13 @@ class Column:
     name : as in the header, for example ``"force"``.
     dimension : kind of quantity, which fixes the units allowed.
     loading : sign of its change while the specimen is loaded: 1 rises, -1 falls, 0 no check.
+    through_zero : whether it passes through zero, so that what rounding leaves of it counts as 0.
     """
 
     name: str
     dimension: Dimension
     loading: int = 0
+    through_zero: bool = False
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,7 @@ def read_coupon(
         )
     columns = {}
     wanted = {column.name: column.dimension for column in layout}
+    through_zero = {column.name for column in layout if column.through_zero}
     for name, (position, unit) in headers.items():
         if name in wanted:
             factor, zero = _unit_scale(name, unit, wanted[name], path)
@@ -124,6 +129,8 @@ def read_coupon(
                 unused.append(str(table.columns[position]))
             continue
         values = _numbers(cells[:, position], name, lines, path)
+        if name in through_zero:
+            values[np.abs(values) < _ROUNDING * np.max(np.abs(values), initial=0.0)] = 0.0
         if name in wanted:
             _require_usual_size(values, factor, zero, wanted[name], name, lines, path)
         columns[name] = zero + factor * values

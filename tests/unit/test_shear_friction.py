@@ -15,8 +15,10 @@ from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.cantilever import cantilever
 from lcmchain.coupons.off_axis import off_axis
 from lcmchain.coupons.picture_frame import picture_frame
+from lcmchain.coupons.result import write_coupon
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
+from lcmchain.identification.from_file import identify_shear_loop_file
 from lcmchain.materials.fabric import FabricLaw
 from lcmchain.materials.law import (
     evolved_history,
@@ -208,8 +210,11 @@ def test_check_names_the_friction_and_a_scene_may_leave_it_out():
 
 
 @pytest.mark.slow
-def test_the_picture_frame_shows_the_loop():
-    """There and back twice: forces within 1 % of the largest, the loss of a cycle within 1 %."""
+def test_the_picture_frame_shows_the_loop(tmp_path):
+    """There and back twice: forces within 1 % of the largest, the loss of a cycle within 1 %.
+
+    ``identify shear-loop`` finds the law of the simulated cycles again.
+    """
     material = scene().material
     result = picture_frame(material, shear_angle=0.8, edge_length=0.1, cycles=2)
     largest = max(own.reference for own in result.comparisons if own.unit == "N")
@@ -217,6 +222,11 @@ def test_the_picture_frame_shows_the_loop():
         assert abs(own.difference) < 0.01 * (largest if own.unit == "N" else own.reference)
     back = [own for own in result.comparisons if "back" in own.quantity]
     assert len(back) == 4 and back[0].reference < 0.5 * result.comparisons[0].reference
+    write_coupon(tmp_path, result)
+    found = identify_shear_loop_file(tmp_path / "curve.csv", {"side": "200 mm"})
+    assert found["friction_stress"].value == pytest.approx(GROWING.stress, rel=0.05)
+    assert found["friction_angle"].value == pytest.approx(GROWING.angle, rel=0.05)
+    assert found["friction_growth"].value == pytest.approx(GROWING.growth, rel=0.05)
 
 
 @pytest.mark.slow
