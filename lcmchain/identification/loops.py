@@ -331,7 +331,7 @@ def _start(loops: Loops, noise_floor: float, unit: float, growth: bool) -> np.nd
     least = block_diag(loops.at_least[0], np.ones((1, 1)))
     bounds = (least, np.append(loops.at_least[1], 1e-3 * unit))
     scale = noise_scale(loops.measured, loops.measured, noise_floor)
-    best, start = math.inf, np.zeros(0)
+    best, start = math.inf, np.zeros(count + 2)
     for part in np.geomspace(3.0 * SHORTEST, 0.5 * LONGEST, _LENGTHS):
         length = part * loops.largest
         design = np.column_stack([loops.elastic, loops.lever * loops.friction(length)])
@@ -339,7 +339,7 @@ def _start(loops: Loops, noise_floor: float, unit: float, growth: bool) -> np.nd
         misfit = float(np.sum(((loops.measured - found.model) / scale) ** 2))
         if misfit < best:
             best, start = misfit, np.append(found.parameters, math.log(length))
-    start[count] = max(start[count], 1e-2 * unit)
+    start[count] = np.fmax(start[count], 1e-2 * unit)
     return np.append(start, 0.0) if growth else start
 
 
