@@ -155,8 +155,8 @@ def write_loops(folder: Path) -> None:
         folder / "shear-loop.csv",
         {"displacement [mm]": 1e3 * travel, "force [N]": force},
         "Picture frame 200 mm x 200 mm to 50 deg and back twice. Synthetic: shear law of MD600 "
-        "with friction of 5 kPa within 1 deg that grows with 0.3 of the shear stress, and noise of 1 % "
-        "of the largest force, not a measurement.",
+        "with friction of 5 kPa within 1 deg that grows with 0.3 of the shear stress, and noise of "
+        "1 % of the largest force, not a measurement.",
     )
 
 
