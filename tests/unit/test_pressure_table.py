@@ -7,17 +7,20 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from pydantic import ValidationError
 
 from lcmchain.coupling.closing.textile import of_cells
 from lcmchain.coupons.compaction import compaction
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
 from lcmchain.fields import limits
+from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.from_file import identify_compaction_file
 from lcmchain.identification.pressure_table import identify_pressure_table
 from lcmchain.identification.result import FitRefusedError
 from lcmchain.identification.sheared_compaction import identify_sheared_compaction
+from lcmchain.materials.fabric import FabricCompaction
 from lcmchain.materials.law import (
     hourglass_tangent,
     membrane_response,
@@ -27,7 +30,9 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.pressure_table import PressureCurve, PressureTable
 from lcmchain.materials.shear_compaction import PowerCoupling
-from lcmchain.scene import scene_from_text
+from lcmchain.run_files import input_files
+from lcmchain.scene import read_scene, scene_from_text
+from lcmchain.scene.origin import formed_material, formed_plies
 from lcmchain.verification import random_elements as make
 
 MD600 = (0.1563e6, 60.4653, 2.4528)
@@ -280,6 +285,113 @@ def test_a_run_says_where_the_sheet_left_its_table(fabric, monkeypatch):
     assert "1 element (33.33% of the area) by the shear, up to 47.0 deg" in told
     sheet = sheet.isel(f=[1])
     assert limits.compaction_range_warnings(sheet, fabric) == []
+
+
+# --- from a file ----------------------------------------------------------------------------------
+
+HEADER = "shear angle [deg],stretch [1],pressure [MPa]"
+
+
+def csv_text(curves):
+    rows = [
+        f"{math.degrees(curve.shear_angle)!r},{float(stretch)!r},{1e-6 * float(pressure)!r}"
+        for curve in curves
+        for stretch, pressure in zip(curve.stretch, curve.pressure, strict=True)
+    ]
+    return "\n".join(["# plates", HEADER, *rows]) + "\n"
+
+
+@pytest.fixture
+def named(table, tmp_path):
+    """A scene in a folder whose table stands in a file beside it."""
+    (tmp_path / "compaction.csv").write_text(csv_text(table.curves), encoding="utf-8")
+    text = scene_text((), 'compaction.table = "compaction.csv"')
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    return tmp_path / "scene.toml"
+
+
+def test_a_table_from_a_file_is_that_table(named, table):
+    scene = read_scene(named)
+    numbers = scene.material.build().law.pressure_table
+    np.testing.assert_allclose(numbers, table.numbers, rtol=1e-9)
+    assert named.parent / "compaction.csv" in input_files(scene)
+    assert ("material.compaction.table", "compaction.csv") in scene.source.files
+    assert any(key.endswith("table.3.pressure") for key, _ in scene.source.given)
+
+
+def test_results_hold_the_numbers_of_the_file(named):
+    """The text of the scene in a result gives the same law to the bit, without the file."""
+    scene = read_scene(named, ["material.membrane.locking_angle=50 deg",
+                               "material.membrane.locking_stiffness=80 MPa"])  # fmt: skip
+    (named.parent / "compaction.csv").unlink()
+    again = formed_material(scene.source.text)
+    assert again == scene.material
+    assert again.build().law.pressure_table.tobytes() == (
+        scene.material.build().law.pressure_table.tobytes()
+    )
+    with pytest.raises(InputError, match=r'material.compaction.table: there is no file "compact'):
+        read_scene(named)
+
+
+def test_a_unit_takes_the_file_with_it(named, tmp_path, table):
+    """The scene in an FMU finds its table, be it beside the scene or somewhere else."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "other.csv").write_text(csv_text(table.curves), encoding="utf-8")
+    moved = [f'material.compaction.table="{elsewhere / "other.csv"}"']
+    for number, overrides in enumerate([[], moved]):
+        scene = read_scene(named, overrides)
+        unit = tmp_path / f"unit_{number}"
+        added = stage_scene(scene, unit)
+        assert read_scene(unit / "scene.toml", [*overrides, *added]).material == scene.material
+
+
+def test_a_ply_of_a_stack_reads_a_file_too(named):
+    rows = "".join(
+        f'''
+[[plies]]
+name = "{name}"
+size = ["20 mm", "20 mm"]
+edge_length = "5 mm"
+material = "woven"
+'''
+        for name in ("lower", "upper")
+    )
+    material = '[materials.woven]\npreset = "MD600"\ncompaction.table = "compaction.csv"\n'
+    named.write_text(f'process = {{ time = "1 ms" }}\n{rows}{material}', encoding="utf-8")
+    scene = read_scene(named)
+    assert all(ply.material.couples_shear for ply in scene.stack)
+    assert formed_plies(scene.source.text)["upper"] == scene.stack[1].material
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda rows: [*rows, "0,0.5,3"], 'line 27, column "shear angle": is less than that of'),
+        (lambda rows: [rows[0], *rows[2:]], 'line 3, column "pressure": is not 0'),
+        (lambda rows: [*rows[:2], rows[3], rows[2], *rows[4:]], "line 5, column .* does not"),
+        (lambda rows: [*rows, "45,0.5,9"], 'line 27, column "pressure": is number 7'),
+        (lambda rows: [*rows[:3], "0,1.1.1,1", *rows[4:]], 'line 5, column "stretch": "1.1.1" is'),
+        (lambda rows: ["angle,stretch [1],pressure [MPa]", *rows[1:]], 'no column "shear angle"'),
+        (lambda rows: rows[:4], "holds 3 rows of data; at least 4"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_key_file_and_line(named, change, message):
+    file = named.parent / "compaction.csv"
+    rows = file.read_text(encoding="utf-8").splitlines()[1:]
+    file.write_text("\n".join(["# plates", *change(rows)]) + "\n", encoding="utf-8")
+    told = rf"material\.compaction\.table: .*compaction\.csv: .*{message}"
+    with pytest.raises(InputError, match=told):
+        read_scene(named)
+
+
+def test_what_no_law_can_be_made_of_is_told_as_of_a_table_in_the_scene(named):
+    file = named.parent / "compaction.csv"
+    file.write_text(f"{HEADER}\n10,1,0\n10,0.9,0.01\n20,1,0\n20,0.9,0.01\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"material.compaction.table: .*begin at 0 deg"):
+        read_scene(named)
+    with pytest.raises(ValidationError, match="names a file"):
+        FabricCompaction(c0=1e5, c1=60.0, c2=2.5, table="compaction.csv")
 
 
 # --- identification -------------------------------------------------------------------------------
