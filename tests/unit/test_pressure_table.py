@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from lcmchain.coupling.closing.textile import of_cells
 from lcmchain.coupons.compaction import compaction
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import limits
 from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.identification.data import CouponData
@@ -264,9 +264,70 @@ def test_every_fabric_takes_a_table(law, table):
     assert S[2] == pytest.approx(float(built.stress_and_tangent(voigt(-0.2, 0.5))[0][0, 2]))
 
 
-def test_closures_refuse_a_table(fabric):
-    with pytest.raises(InputError, match=r"material\.compaction\.table: .*closures do not take"):
-        of_cells(fabric, np.full(2, fabric.areal_mass))
+def cells_at(material, angles):
+    """The law of a closure for cells that were sheared by angles [rad] with their fibres."""
+    return of_cells(material, material.areal_mass / np.cos(angles))
+
+
+def test_a_closure_presses_every_cell_by_its_own_curve(table, fabric):
+    """The points of the table at the shear of the cell, and their thickness from the pressure."""
+    angles = np.array([curve.shear_angle for curve in table.curves])
+    law = cells_at(fabric, angles)
+    free = fabric.thickness * np.array([curve.stretch[0] for curve in table.curves])
+    np.testing.assert_allclose(law.thickness, free, rtol=1e-9)
+    np.testing.assert_allclose(law.pressure(free), 0.0, atol=1.0)
+    for point in range(1, len(STRETCHES)):
+        thickness = fabric.thickness * np.array([own.stretch[point] for own in table.curves])
+        expected = np.array([own.pressure[point] for own in table.curves])
+        np.testing.assert_allclose(law.pressure(thickness), expected, rtol=1e-9)
+        np.testing.assert_allclose(law.thickness_under(expected), thickness, rtol=1e-9)
+
+
+def test_the_stiffness_of_a_closure_is_the_slope_of_its_table(fabric):
+    """From the tangent of the law, dp/dt = (S33 + λ² C33)/(t0 cos γ); free, on both sides."""
+    angles = np.radians([0.0, 12.0, 33.0, 45.0, 52.0])
+    law, g, cos = cells_at(fabric, angles), np.sin(angles), np.cos(angles)
+    for share in (0.99, 0.9, 0.75, 0.65):  # one-sided differences over 1e-6 of the thickness
+        stretch = share * law.thickness / fabric.thickness
+        S, C = fabric.stress_and_tangent(voigt(0.5 * (stretch**2 - 1.0), g))
+        expected = (S[:, 2] + stretch**2 * C[:, 2, 2]) / (fabric.thickness * cos)
+        np.testing.assert_allclose(law.stiffness(share * law.thickness), expected, rtol=3e-5)
+    free = law.thickness / fabric.thickness
+    C = fabric.stress_and_tangent(voigt(0.5 * (free**2 - 1.0), g))[1]
+    slope = free**2 * C[:, 2, 2] / (fabric.thickness * cos)
+    step = 1e-6 * law.thickness
+    np.testing.assert_allclose(law.pressure(law.thickness - step) / step, slope, rtol=1e-4)
+    np.testing.assert_allclose(law.pressure(law.thickness + step) / step, -slope, rtol=1e-4)
+
+
+def test_a_closure_takes_a_table_of_an_exponent_as_that_exponent():
+    """With what a permanent set remembers of a press, too."""
+    beta, grows = 0.7, 1.0 + 0.3 * (1.0 - np.array(STRETCHES))
+    plain = [measured(degrees, law=lambda _: (beta, 1.0)) for degrees in (0.0, 20.0, 40.0)]
+    curves = [own._replace(pressure=tuple(np.array(own.pressure) / grows)) for own in plain]
+    entries = 'law = "fabric-with-set"\ncompaction.permanent_set = 0.4\n'
+    angles = np.radians([0.0, 15.0, 35.0, 40.0])
+    tabled, exact = (
+        cells_at(scene_from_text(text).material.build(), angles)
+        for text in (
+            scene_text(curves, entries),
+            scene_text((), f"{entries}compaction.shear_coupling = {beta}"),
+        )
+    )
+    np.testing.assert_allclose(tabled.thickness, exact.thickness, rtol=1e-9)
+    pressed = np.full(len(angles), 3e5)
+    for own in (tabled, exact):
+        own.remember(own.thickness_under(pressed))
+    np.testing.assert_allclose(tabled.history, exact.history, rtol=1e-7)
+    assert np.all(tabled.free_stretch < 0.95)
+    for pressure in (-2e4, 1e3, 1e5, 1e6):
+        found, expected = (own.thickness_under(0.0 * pressed + pressure) for own in (tabled, exact))
+        np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_what_no_cell_can_bear_is_told_of_a_table_too(fabric):
+    with pytest.raises(SimulationError, match="fibres of cell 1 would have to bear"):
+        cells_at(fabric, np.radians([0.0, 40.0])).thickness_under(np.array([1e5, 1e13]))
 
 
 def test_a_run_says_where_the_sheet_left_its_table(fabric, monkeypatch):
