@@ -145,7 +145,10 @@ def test_between_its_points_a_finer_table_errs_less():
 
 
 def test_stress_and_tangent_follow_from_the_energy(fabric):
-    """By central differences of order four, within the table, free, and beyond it."""
+    """By central differences of order four, within the table, free, and beyond it: to 1e-9.
+
+    No knot of the map is within their steps, so that they err by 1e-11.
+    """
     h = 1e-4
 
     def slope_of(function, E33, g, along):
@@ -172,16 +175,16 @@ def test_stress_and_tangent_follow_from_the_energy(fabric):
         S, C = (values[0] for values in fabric.stress_and_tangent(voigt(E33, g)))
         _, slope, curvature = (values[0] for values in fabric.stabilising_tangent(voigt(E33, g)))
         for component in (2, 3):
-            assert slope_of(energy, E33, g, component) == pytest.approx(S[component], rel=1e-7)
+            assert slope_of(energy, E33, g, component) == pytest.approx(S[component], rel=1e-9)
             for other in (2, 3):
                 found = slope_of(stress(component), E33, g, other)
-                assert found == pytest.approx(C[component, other], rel=1e-6)
-        assert slope_of(stabilising(0), E33, g, 2) == pytest.approx(slope[2], rel=1e-6, abs=1e-3)
-        assert slope_of(stabilising(0), E33, g, 3) == pytest.approx(coupling(0)(E33, g), rel=1e-6)
+                assert found == pytest.approx(C[component, other], rel=1e-9)
+        assert slope_of(stabilising(0), E33, g, 2) == pytest.approx(slope[2], rel=1e-8, abs=1e-3)
+        assert slope_of(stabilising(0), E33, g, 3) == pytest.approx(coupling(0)(E33, g), rel=1e-8)
         found = slope_of(stabilising(1), E33, g, 2)
-        assert found == pytest.approx(curvature[2], rel=1e-5, abs=1e-3)
-        assert slope_of(coupling(0), E33, g, 2) == pytest.approx(coupling(1)(E33, g), rel=1e-5)
-        assert slope_of(coupling(0), E33, g, 3) == pytest.approx(coupling(2)(E33, g), rel=1e-5)
+        assert found == pytest.approx(curvature[2], rel=1e-7, abs=1e-3)
+        assert slope_of(coupling(0), E33, g, 2) == pytest.approx(coupling(1)(E33, g), rel=1e-7)
+        assert slope_of(coupling(0), E33, g, 3) == pytest.approx(coupling(2)(E33, g), rel=1e-7)
 
 
 def test_a_closed_loop_of_thickness_and_shear_does_no_work(fabric):
