@@ -16,6 +16,7 @@ from lcmchain.coupons.cantilever import cantilever
 from lcmchain.coupons.off_axis import off_axis
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.coupons.result import write_coupon
+from lcmchain.coupons.specimen import Loop
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_shear_loop_file
@@ -33,6 +34,7 @@ from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.statics import StaticProblem
+from lcmchain.threads import use_threads
 
 CONSTANT = ShearFriction(5e3, math.radians(1.0))
 GROWING = ShearFriction(5e3, math.radians(1.0), 0.3)
@@ -229,21 +231,61 @@ def test_the_picture_frame_shows_the_loop(tmp_path):
     assert found["friction_growth"].value == pytest.approx(GROWING.growth, rel=0.05)
 
 
-@pytest.mark.slow
-def test_a_released_frame_keeps_the_angle_of_the_law():
-    """Sheared to 30° and let go, without a swing: it stays where both parts are in balance."""
-    largest, ramp = math.radians(30.0), 0.05
-    text = 'time = "0.4 s", mass_damping = "10000 1/s"'
+def hinged_frame(angle):
+    """Return the support of a square of 20 mm, sheared by an angle [rad] over time."""
 
     def hinged(time):
-        angle = largest * 0.5 * (1.0 - math.cos(math.pi * min(time / ramp, 1.0)))
-        c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+        c, s = math.cos(0.5 * angle(time)), math.sin(0.5 * angle(time))
         return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
 
     def frame(blank):
         rim = (np.abs(blank.node_positions[:, :2]) > 0.01 - 1e-9).any(axis=1)
         return [Support("frame", np.flatnonzero(rim), "xy", motion=hinged)]
 
+    return frame
+
+
+@pytest.mark.slow
+def test_a_loop_goes_on_bit_identical_with_its_memory():
+    """From a state restored on the way back, with two threads, and not without the memory."""
+    text = 'time = "20 ms", mass_damping = "500 1/s"'
+
+    def begun():
+        loop = Loop([0.0, math.radians(20.0), 0.0], 0.01)
+        frame = hinged_frame(loop.travel)
+        return Simulation(build_model(scene(RUBBED, text, "blank.edge_length=2 mm"), frame))
+
+    simulation = begun()
+    simulation.advance_to(0.011)
+    half_way = simulation.state.copy()
+    simulation.advance_to(0.014)
+    again, threads = begun(), begun()
+    again.restore(half_way)
+    again.advance_to(0.014)
+    try:
+        use_threads(2, 10**6)
+        threads.advance_to(0.011)
+        threads.advance_to(0.014)
+    finally:
+        use_threads(1, 1)
+    for other in (again, threads):
+        for name, array in other.state.as_dict().items():
+            np.testing.assert_array_equal(array, getattr(simulation.state, name), err_msg=name)
+    again.restore(half_way)
+    again.state.history[:] = 0.0
+    again.advance_to(0.014)
+    assert not np.array_equal(again.state.position, simulation.state.position)
+
+
+@pytest.mark.slow
+def test_a_released_frame_keeps_the_angle_of_the_law():
+    """Sheared to 30° and let go, without a swing: it stays where both parts are in balance."""
+    largest, ramp = math.radians(30.0), 0.05
+    text = 'time = "0.4 s", mass_damping = "10000 1/s"'
+
+    frame = hinged_frame(
+        lambda time: largest * 0.5 * (1.0 - math.cos(math.pi * min(time / ramp, 1.0)))
+    )
     held = Simulation(build_model(scene(RUBBED, text), frame))
     held.advance_to(ramp)
     free = Simulation(build_model(scene(RUBBED, text)))
