@@ -110,8 +110,9 @@ class CellCompaction:
 
     def _free_stiffness(self) -> np.ndarray | float:
         """Return minus the derivative of :meth:`_law` by the stretch where nothing presses."""
-        strain = np.zeros((*np.shape(self.shear), 6))
+        strain = np.zeros(6)
         if self.shear is not None:
+            strain = np.zeros((len(self.shear), 6))
             # just free: what rounding leaves below counts as pressed, and back from a set
             free = 0.5 * (self._sheared**2 * (1.0 + ROUND_OFF) - 1.0)
             strain[..., 2], strain[..., 3] = free, self.shear
@@ -125,7 +126,7 @@ class CellCompaction:
         samples = np.linspace(0.0, float(np.max(np.abs(self.shear), initial=0.0)), SHEAR_SAMPLES)
         free = free_stretch(self.material, samples)
         with np.errstate(invalid="ignore"):  # thinner than the law knows any strain of
-            carried = self.material.compaction_pressure(
+            carried = self._at_shear(
                 GRID[:, None] * free, None, np.broadcast_to(samples, (len(GRID), len(samples)))
             )
         largest = np.argmax(np.nan_to_num(carried, nan=-np.inf), axis=0)
@@ -215,8 +216,15 @@ class CellCompaction:
         if self.shear is None:
             return self.material.compaction_pressure(stretch, past)
         # as a sheet of the free thickness would: over an area that is as much larger
-        own = self.material.compaction_pressure(self._sheared * stretch, past, self.shear)
-        return self._sheared * own
+        return self._sheared * self._at_shear(self._sheared * stretch, past, self.shear)
+
+    def _at_shear(
+        self, stretch: np.ndarray, past: np.ndarray | None, shear: np.ndarray
+    ) -> np.ndarray:
+        """Return the pressure of a law of thickness and shear on the area at the start."""
+        law: Any = self.material  # of a fabric, which alone is one
+        pressure: np.ndarray = law.compaction_pressure(stretch, past, shear)
+        return pressure
 
     def _pressure(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
         lifted = self._lift * np.maximum(stretch - free, 0.0)

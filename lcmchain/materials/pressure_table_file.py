@@ -39,7 +39,7 @@ def read_pressure_curves(path: Path) -> list[dict[str, Any]]:
     for first, last in zip(starts, [*starts[1:], len(angle)], strict=True):
         if found and angle[first] <= angle[first - 1]:
             raise _wrong(
-                path, read, first, "shear angle",
+                path, read, int(first), "shear angle",
                 "is less than that of the row before; let the rows of an angle follow each other, "
                 "and the angles rise from 0 deg",
             )  # fmt: skip
