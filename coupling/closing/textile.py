@@ -95,19 +95,10 @@ def of_cells(
 
     Fibres that keep their length leave a sheared cell cos γ of its area. Where the thickness knows
     the shear, its law is that of a sheet that is thicker by 1/cos^β γ, on an area as much larger.
-
-    Raises
-    ------
-    InputError : the thickness knows the shear by a table, which does not scale like that.
+    A table does not scale like that: its law is asked at the shear of every cell.
     """
-    if isinstance(coupling_of(material), PressureTable):
-        raise InputError(
-            "couples shear and compaction by a table, which closures do not take; start from a "
-            "scene with an exponent that is near it (identified without --table)",
-            key="material.compaction.table",
-        )
     area = material.areal_mass / areal_mass
-    thicker = np.ones(len(areal_mass))
+    thicker, shear = np.ones(len(areal_mass)), None
     if couples_shear(material):
         shear = np.sqrt(np.maximum(1.0 - area**2, 0.0))
         thicker = free_stretch(material, shear)
@@ -115,4 +106,5 @@ def of_cells(
         material,
         material.thickness * covered * thicker,
         area_stretch=covered * area * thicker,
+        shear=shear if isinstance(coupling_of(material), PressureTable) else None,
     )

@@ -20,9 +20,12 @@ from lcmchain.materials.law import (
     load_history,
     store_history,
 )
+from lcmchain.materials.shear_compaction import free_stretch
 
 # Thickness stretches among which the law is searched for its largest pressure.
 GRID = np.linspace(1.0, 0.05, 96)
+# Shear strains among which that is done where each cell has its own.
+SHEAR_SAMPLES = 33
 # Step of the stretch for the derivative of the law; leaves 1e-9 of it.
 DIFFERENCE = 1e-6
 MOST_ITERATIONS = 100
@@ -64,9 +67,11 @@ class CellCompaction:
     Parameters
     ----------
     material : see :class:`lcmchain.materials.law.Material`.
-    thickness : of the undeformed sheet in each cell (C,) [m].
+    thickness : of the sheet in each cell where nothing has pressed it (C,) [m].
     area_stretch : present over undeformed area of the mid-surface (C,) or one number.
     history : what the law remembers (numbers, C); nothing has happened by default.
+    shear : strain g = sin γ of each cell (C,), of a law that is one of thickness and shear; None
+        where ``thickness`` and ``area_stretch`` hold all that the shear does.
 
     Raises
     ------
@@ -79,8 +84,14 @@ class CellCompaction:
         thickness: np.ndarray,
         area_stretch: np.ndarray | float = 1.0,
         history: np.ndarray | None = None,
+        shear: np.ndarray | None = None,
     ) -> None:
         self.material = material
+        self.shear = shear
+        #: Thickness of the sheet that is sheared and free over that of the unsheared one.
+        self._sheared: np.ndarray | float = 1.0
+        if shear is not None:
+            self._sheared = free_stretch(material, shear)
         self.thickness = np.array(thickness, dtype=float)
         self.area_stretch = np.array(np.broadcast_to(area_stretch, self.thickness.shape))
         for name, values in (("thickness", self.thickness), ("area_stretch", self.area_stretch)):
@@ -92,12 +103,34 @@ class CellCompaction:
         self.history = np.zeros(shape) if history is None else np.array(history, dtype=float)
         if self.history.shape != shape:
             raise InputError(f"the history has the shape {self.history.shape}, not {shape}")
-        stiffness = material.stress_and_tangent(np.zeros(6))[1][2, 2]
-        self._lift = stiffness / self.area_stretch
-        carried = material.compaction_pressure(GRID)
-        self._thinnest = float(GRID[int(np.argmax(carried))])
+        self._lift = self._free_stiffness() / self.area_stretch
+        self._thinnest = self._thinnest_stretch()
         #: A history, and the free stretch that belongs to it.
         self._free: tuple[np.ndarray, np.ndarray] | None = None
+
+    def _free_stiffness(self) -> np.ndarray | float:
+        """Return minus the derivative of :meth:`_law` by the stretch where nothing presses."""
+        strain = np.zeros(6)
+        if self.shear is not None:
+            strain = np.zeros((len(self.shear), 6))
+            # just free: what rounding leaves below counts as pressed, and back from a set
+            free = 0.5 * (self._sheared**2 * (1.0 + ROUND_OFF) - 1.0)
+            strain[..., 2], strain[..., 3] = free, self.shear
+        stiffness: np.ndarray = self.material.stress_and_tangent(strain)[1][..., 2, 2]
+        return stiffness * self._sheared**4
+
+    def _thinnest_stretch(self) -> float:
+        """Return the stretch at which the law gives its largest pressure, at the worst shear."""
+        if self.shear is None:
+            return float(GRID[int(np.argmax(self.material.compaction_pressure(GRID)))])
+        samples = np.linspace(0.0, float(np.max(np.abs(self.shear), initial=0.0)), SHEAR_SAMPLES)
+        free = free_stretch(self.material, samples)
+        with np.errstate(invalid="ignore"):  # thinner than the law knows any strain of
+            carried = self._at_shear(
+                GRID[:, None] * free, None, np.broadcast_to(samples, (len(GRID), len(samples)))
+            )
+        largest = np.argmax(np.nan_to_num(carried, nan=-np.inf), axis=0)
+        return float(GRID[largest].max())
 
     @property
     def thinnest(self) -> np.ndarray:
@@ -172,14 +205,26 @@ class CellCompaction:
     def remember(self, thickness: np.ndarray) -> None:
         """Move the history on to the end of a step that leads to a thickness (C,) [m]."""
         if len(self.history):
-            strain = 0.5 * ((thickness / self.thickness) ** 2 - 1.0)
+            strain = 0.5 * ((self._sheared * thickness / self.thickness) ** 2 - 1.0)
+            shear = np.zeros_like(strain) if self.shear is None else self.shear
             flat = np.ascontiguousarray(self.history).ravel()
-            _remember(self.material.law, strain, flat)
+            _remember(self.material.law, strain, shear, flat)
             self.history = flat.reshape(self.history.shape)
 
     def _law(self, stretch: np.ndarray) -> np.ndarray:
         past = self.history if len(self.history) else None
-        return self.material.compaction_pressure(stretch, past)
+        if self.shear is None:
+            return self.material.compaction_pressure(stretch, past)
+        # as a sheet of the free thickness would: over an area that is as much larger
+        return self._sheared * self._at_shear(self._sheared * stretch, past, self.shear)
+
+    def _at_shear(
+        self, stretch: np.ndarray, past: np.ndarray | None, shear: np.ndarray
+    ) -> np.ndarray:
+        """Return the pressure of a law of thickness and shear on the area at the start."""
+        law: Any = self.material  # of a fabric, which alone is one
+        pressure: np.ndarray = law.compaction_pressure(stretch, past, shear)
+        return pressure
 
     def _pressure(self, stretch: np.ndarray, free: np.ndarray) -> np.ndarray:
         lifted = self._lift * np.maximum(stretch - free, 0.0)
@@ -194,9 +239,9 @@ class CellCompaction:
 
 
 @routine
-def _remember(law: Any, strain, history):
+def _remember(law: Any, strain, shear, history):
     count = strain.size
     for i in range(count):
         past = load_history(law, history, i, count)
-        E = (0.0, 0.0, strain[i], 0.0, 0.0, 0.0)
+        E = (0.0, 0.0, strain[i], shear[i], 0.0, 0.0)
         store_history(law, evolved_history(law, E, past), history, i, count)

@@ -1,9 +1,9 @@
 """Coupon data of MD600 for this example: the published laws with 2 % seeded noise.
 
-Writes ``shear.csv``, ``compaction.csv``, ``bending.csv``, ``viscous.csv`` and ``off-axis.csv``
-beside this file, the same to the bit on every run. The last two are of other fabrics, by round
-numbers: MD600 wet with resin, with a dashpot and a Maxwell element; and the unidirectional fabric
-of ``examples/hemisphere_unidirectional``.
+Writes ``shear.csv``, ``compaction.csv``, ``bending.csv``, ``viscous.csv``, ``off-axis.csv``,
+``bending-loop.csv`` and ``shear-loop.csv`` beside this file, the same to the bit on every run. The
+last four are of other fabrics, by round numbers: MD600 wet with resin, with a dashpot and a Maxwell
+element; the unidirectional fabric of ``examples/hemisphere_unidirectional``; and MD600 that rubs.
 
     python make_data.py
 """
@@ -17,14 +17,18 @@ import numpy as np
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
 from lcmchain.coupons.analytic.off_axis import affine_tension
 from lcmchain.identification.synthetic import (
+    bending_loop_curve,
     bias_extension_curve,
     cantilever_overhangs,
     compaction_curve,
     noisy,
     picture_frame_curve,
     preset_fabric,
+    shear_loop_curve,
     write_coupon,
 )
+from lcmchain.materials.dahl import Friction
+from lcmchain.materials.shear_friction import ShearFriction
 from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
 from lcmchain.scene import read_scene
 
@@ -35,11 +39,13 @@ WET = ViscousShear(viscosity=2000.0, terms=(Relaxation(modulus=3e4, time=2.0),))
 PULLS = (0.01, 0.05, 0.25)  # speeds of the frame, which then stands still [m/s]
 STAND = 30.0  # [s]
 UNIDIRECTIONAL = Path(__file__).parents[1] / "hemisphere_unidirectional" / "scene.toml"
+BENT = Friction(limit=0.02, length=4.0)  # [N], [1/m]
+SHEARED = ShearFriction(stress=5e3, angle=np.radians(1.0), growth=0.3)
 OFF_AXIS = (30.0, 45.0, 60.0)  # angles of the fibres from the pull [deg]
 
 
 def write_data(folder: Path) -> None:
-    """Write the three files into a folder."""
+    """Write all files into a folder."""
     fabric = preset_fabric("MD600")
     origin = "Synthetic: published law of MD600 with 2 % noise, not a measurement."
 
@@ -71,6 +77,7 @@ def write_data(folder: Path) -> None:
     )
     write_frames(folder / "viscous.csv")
     write_strips(folder / "off-axis.csv")
+    write_loops(folder)
 
 
 def write_frames(file: Path) -> None:
@@ -126,6 +133,37 @@ def write_strips(file: Path) -> None:
         "Off-axis tension of strips 160 mm x 40 mm x 0.6 mm. Synthetic: even state of the fabric "
         "of examples/hemisphere_unidirectional with 2 % noise, not a measurement.",
     )
+
+
+def write_loops(folder: Path) -> None:
+    """Write a loop of pure bending, and cycles of a picture frame, of MD600 that rubs."""
+    fabric = preset_fabric("MD600")
+    curvature = _there_and_back(0.0, 20.0, -20.0, 20.0)
+    stiffness = fabric.law.B11 * fabric.thickness**3 / 12.0
+    moment = bending_loop_curve(stiffness, BENT, curvature, noise=NOISE, seed=12)
+    write_coupon(
+        folder / "bending-loop.csv",
+        {"curvature [1/m]": curvature, "moment [mN]": 1e3 * moment},
+        "Pure bending along fibres 1, moment per width. Synthetic: bending of MD600 with friction "
+        "of 20 mN within 4 1/m and noise of 2 % of the largest moment, not a measurement.",
+    )
+    frame = PictureFrame(side=0.2, thickness=fabric.thickness)
+    largest = float(frame.displacement(np.radians(50.0)))
+    travel = _there_and_back(0.0, *[largest, 0.0] * 2)
+    force = shear_loop_curve(fabric, SHEARED, frame, travel, noise=0.5 * NOISE, seed=11)
+    write_coupon(
+        folder / "shear-loop.csv",
+        {"displacement [mm]": 1e3 * travel, "force [N]": force},
+        "Picture frame 200 mm x 200 mm to 50 deg and back twice. Synthetic: shear law of MD600 "
+        "with friction of 5 kPa within 1 deg that grows with 0.3 of the shear stress, and noise of "
+        "1 % of the largest force, not a measurement.",
+    )
+
+
+def _there_and_back(*points: float) -> np.ndarray:
+    """Return 40 rows from each turning point to the next one, from the first on."""
+    ways = [np.linspace(a, b, 41)[1:] for a, b in zip(points, points[1:], strict=False)]
+    return np.concatenate([points[:1], *ways])
 
 
 if __name__ == "__main__":

@@ -158,6 +158,47 @@ def identify_bending(
     )
 
 
+@identify_app.command("bending-loop")
+def identify_bending_loop(
+    data: CouponFile,
+    out: CouponFolder = None,
+    thickness: FabricThickness = None,
+    fibre: Annotated[
+        int, typer.Option(min=1, max=2, help="Fibre direction that was bent: 1 or 2.")
+    ] = 1,
+    noise_floor: NoiseFloor = 0.5,
+    accept: Accept = False,
+) -> None:
+    """Bending with its friction from loops (Kawabata): curvature, moment per width."""
+    from lcmchain.identification.from_file import identify_bending_loop_file
+
+    sizes = {"thickness": thickness}
+    _report_identification(
+        data, out, lambda: identify_bending_loop_file(
+            data, sizes, fibre=fibre, noise_floor=noise_floor, accept=accept
+        ),
+    )  # fmt: skip
+
+
+@identify_app.command("shear-loop")
+def identify_shear_loop(
+    data: CouponFile,
+    out: CouponFolder = None,
+    side: Annotated[str | None, _size("--side", "200 mm")] = None,
+    thickness: FabricThickness = None,
+    noise_floor: NoiseFloor = 0.5,
+    accept: Accept = False,
+) -> None:
+    """Shear with its friction from cycles of a picture frame: displacement or angle, force."""
+    from lcmchain.identification.from_file import identify_shear_loop_file
+
+    sizes = {"side": side, "thickness": thickness}
+    _report_identification(
+        data, out,
+        lambda: identify_shear_loop_file(data, sizes, noise_floor=noise_floor, accept=accept),
+    )  # fmt: skip
+
+
 def _report_identification(data: Path, out: Path | None, identify) -> None:
     with output_folder(out or Path("results") / data.stem, inputs=[data]) as folder:
         from lcmchain.identification.files import tables, write_identification

@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-import difflib
-import io
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
-from lcmchain.text_files import decode_text
+from lcmchain.quantities.csv_columns import Column, read_columns
 
-_HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
+__all__ = ["Column", "CouponData", "read_coupon"]
+
 _SPECIMEN = "specimen"
 _TIME = "time"
 # A loading branch may step back by this share of its range (resolution of the sensors).
 _JITTER = 0.01
-# Far above any test: what is larger is another file, or was written at a rate to be thinned out.
-MOST_BYTES = 20_000_000
-MOST_COLUMNS = 200
-MOST_ROWS = 20_000
-
-
-@dataclass(frozen=True)
-class Column:
-    """A quantity that a coupon file must hold.
-
-    Parameters
-    ----------
-    name : as in the header, for example ``"force"``.
-    dimension : kind of quantity, which fixes the units allowed.
-    loading : sign of its change while the specimen is loaded: 1 rises, -1 falls, 0 no check.
-    """
-
-    name: str
-    dimension: Dimension
-    loading: int = 0
 
 
 @dataclass(frozen=True)
@@ -97,169 +74,15 @@ def read_coupon(
         few rows, or a quantity that goes back; names file, line and column.
     """
     path = Path(path)
-    table, first_line = _read_text(path)
-    headers, unused = {}, []
-    for position, text in enumerate(table.columns):
-        name, unit = _split_header(str(text))
-        if name in headers:
-            raise InputError(f'has two columns "{name}"; keep one', file=path)
-        headers[name] = (position, unit)
-    layout = _fitting_layout(layouts, headers, path)
-    filled = np.array([any(cell.strip() for cell in row) for row in table.to_numpy()], dtype=bool)
-    lines = (first_line + 1 + np.arange(len(table)))[filled]
-    cells = table.to_numpy()[filled]
-    if len(lines) < minimum_rows:
-        raise InputError(
-            f"holds {len(lines)} rows of data; at least {minimum_rows} are needed", file=path
-        )
-    columns = {}
-    wanted = {column.name: column.dimension for column in layout}
-    for name, (position, unit) in headers.items():
-        if name in wanted:
-            factor, zero = _unit_scale(name, unit, wanted[name], path)
-        elif name == _TIME:
-            factor, zero = 1.0, 0.0
-        else:
-            if name != _SPECIMEN:
-                unused.append(str(table.columns[position]))
-            continue
-        values = _numbers(cells[:, position], name, lines, path)
-        if name in wanted:
-            _require_usual_size(values, factor, zero, wanted[name], name, lines, path)
-        columns[name] = zero + factor * values
-    specimen = np.zeros(len(lines), dtype=int)
-    if _SPECIMEN in headers:
-        names = [str(cell).strip() for cell in cells[:, headers[_SPECIMEN][0]]]
-        specimen = np.unique(names, return_inverse=True)[1]
-    data = CouponData(str(path), columns, lines, specimen, tuple(unused))
+    read, layout = read_columns(
+        path, layouts, minimum_rows=minimum_rows, texts=(_SPECIMEN,), plain=(_TIME,)
+    )
+    specimen = np.zeros(len(read.lines), dtype=int)
+    if _SPECIMEN in read.texts:
+        specimen = np.unique(read.texts[_SPECIMEN], return_inverse=True)[1]
+    data = CouponData(str(path), read.columns, read.lines, specimen, read.unused)
     _check_order(data, layout)
     return data
-
-
-def _read_text(path: Path):
-    """Return the cells as text (pandas) and the line of the header."""
-    import pandas
-
-    try:
-        with open(path, "rb") as opened:
-            beginning = opened.read(MOST_BYTES + 1)
-        if len(beginning) > MOST_BYTES:
-            raise InputError(f"holds more than {MOST_BYTES // 1_000_000} MB", file=path)
-        content = decode_text(beginning, path)
-    except FileNotFoundError:
-        raise InputError("there is no such file", file=path) from None
-    except OSError as error:
-        raise InputError(
-            f"cannot be read ({error.strerror}); save it as CSV text", file=path
-        ) from None
-    text = content.splitlines()
-    start = next(
-        (i for i, line in enumerate(text) if line.strip() and not line.lstrip().startswith("#")),
-        None,
-    )
-    if start is None:
-        raise InputError("is empty; the first line names columns and units", file=path)
-    separator = max(",;\t", key=text[start].count)
-    try:
-        table = pandas.read_csv(
-            io.StringIO(content), sep=separator, skiprows=start, dtype=str, keep_default_na=False,
-            skip_blank_lines=False, index_col=False,
-        )  # fmt: skip
-    except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
-        raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None
-    if len(table.columns) > MOST_COLUMNS or len(table) > MOST_ROWS:
-        raise InputError(
-            f"has {len(table.columns):,} columns and {len(table):,} rows; at most "
-            f"{MOST_COLUMNS} and {MOST_ROWS:,} are read, so that the fit ends in a moment",
-            file=path,
-        )
-    # Short rows come back with not-a-number in the missing cells.
-    return table.fillna(""), start + 1
-
-
-def _split_header(text: str) -> tuple[str, str | None]:
-    match = _HEADER.fullmatch(text)
-    if match is None:
-        return text.strip().lower(), None
-    return match["name"].lower().replace("_", " "), match["unit"]
-
-
-def _fitting_layout(layouts, headers, path) -> tuple[Column, ...]:
-    for layout in layouts:
-        if all(column.name in headers for column in layout):
-            return layout
-    # The layout that misses the fewest columns is the one that was meant.
-    layout = min(layouts, key=lambda columns: sum(c.name not in headers for c in columns))
-    missing = next(column for column in layout if column.name not in headers)
-    close = difflib.get_close_matches(missing.name, headers, n=1, cutoff=0.5)
-    hint = f'; did you mean "{close[0]}"?' if close else ""
-    examples = " or ".join(
-        '"' + ",".join(f"{c.name} [{c.dimension.common_units[0]}]" for c in columns) + '"'
-        for columns in layouts
-    )
-    raise InputError(
-        f'has no column "{missing.name}"{hint} (the header must read {examples})', file=path
-    )
-
-
-def _unit_scale(
-    name: str, unit: str | None, dimension: Dimension, path: Path
-) -> tuple[float, float]:
-    """Return what 1 of a unit is in SI units over 0 of it, and what 0 is, as of degC."""
-    if unit is None:
-        raise InputError(
-            f'column "{name}" has no unit; write for example "{name} [{dimension.common_units[0]}]"'
-            " in the header",
-            file=path,
-        )
-    try:
-        zero = parse_quantity(f"0 {unit}", dimension)
-        if zero == 0.0:
-            return parse_quantity(f"1 {unit}", dimension), 0.0
-        return parse_quantity(f"1 {unit}", dimension) - zero, zero
-    except QuantityError as error:
-        raise InputError(f'column "{name}": {error}', file=path) from None
-
-
-def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
-    values = np.empty(len(cells))
-    for row, cell in enumerate(cells):
-        try:
-            values[row] = float(cell)
-        except ValueError:
-            values[row] = np.nan
-        if not np.isfinite(values[row]):
-            shown = f'"{cell.strip()}" is not a finite number' if cell.strip() else "has no value"
-            hint = "; write a decimal point" if re.search(r"\d,\d", cell) else ""
-            raise InputError(
-                f'line {lines[row]}, column "{name}": {shown}{hint or "; remove or complete it"}',
-                file=path,
-            )
-    return values
-
-
-def _require_usual_size(
-    values: np.ndarray,
-    factor: float,
-    zero: float,
-    dimension: Dimension,
-    name: str,
-    lines,
-    path: Path,
-) -> None:
-    """Refuse a value that no test has; in SI units it is ``zero`` + ``factor`` times it."""
-    with np.errstate(over="ignore"):
-        size = np.abs(zero + factor * values)
-    wrong = np.flatnonzero(
-        (size > dimension.largest) | ((0.0 < size) & (size < dimension.smallest))
-    )
-    if len(wrong):
-        row = wrong[0]
-        raise InputError(
-            f'line {lines[row]}, column "{name}": {values[row]:g} is '
-            f"{dimension.complaint(float(size[row]))}; remove or correct it",
-            file=path,
-        )
 
 
 def _check_order(data: CouponData, layout) -> None:

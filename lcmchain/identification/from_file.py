@@ -15,12 +15,14 @@ from lcmchain.errors import InputError
 from lcmchain.identification import (
     bending,
     bending_curve,
+    bending_loop,
     cantilever_tests,
     compaction,
     off_axis,
     pressure_table,
     relaxing_compaction,
     shear,
+    shear_loop,
     sheared_compaction,
     viscous_shear,
 )
@@ -211,6 +213,58 @@ def identify_bending_file(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],
         off_axis=off_axis, inputs=_with_file(inputs, data), accept=accept,
+    )  # fmt: skip
+
+
+def identify_bending_loop_file(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    fibre: int = 1,
+    noise_floor: float = 0.5,
+    accept: bool = False,
+) -> Identification:
+    """Identify bending with friction along a fibre direction from loops; ``sizes``: thickness.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
+
+    Raises
+    ------
+    InputError : a wrong file, size or choice.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    _require_choice("--fibre", str(fibre), ("1", "2"))
+    values, inputs = _sizes(sizes, ("thickness",))
+    data = read_coupon(path, bending_loop.COLUMNS, minimum_rows=bending_loop.MINIMUM_ROWS)
+    return bending_loop.identify_bending_loop(
+        data, thickness=values["thickness"], fibre=fibre, noise_floor=noise_floor,
+        inputs=_with_file(inputs, data), accept=accept,
+    )  # fmt: skip
+
+
+def identify_shear_loop_file(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    *,
+    noise_floor: float = 0.5,
+    accept: bool = False,
+) -> Identification:
+    """Identify shear polynomial and friction from loops; ``sizes``: side, thickness as text.
+
+    ``accept`` takes the fit as it is where the law does not describe the data.
+
+    Raises
+    ------
+    InputError : a wrong file or size.
+    FitRefusedError : the law does not describe the data, and ``accept`` is not given.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, ("side", "thickness"))
+    data = read_coupon(path, shear_loop.COLUMNS, minimum_rows=shear_loop.MINIMUM_ROWS)
+    return shear_loop.identify_shear_loop(
+        data, PictureFrame(**values), noise_floor=noise_floor, inputs=_with_file(inputs, data),
+        accept=accept,
     )  # fmt: skip
 
 

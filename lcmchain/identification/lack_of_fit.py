@@ -36,8 +36,8 @@ class LackOfFit:
     ----------
     band : number of the band of each row, shape [row_count].
     x : mean abscissa of each band, shape [band_count].
-    deviation : mean of (data - model) / max(\\|model\\|, a fifth of the largest value),
-        shape [band_count].
+    deviation : mean of (data - model) / max(\\|model\\|, a fifth of the largest value), or over
+        another scale, shape [band_count].
     off : whether the deviation is systematic and matters, shape [band_count].
     """
 
@@ -61,13 +61,16 @@ class LackOfFit:
             return np.zeros(np.shape(x))
         return np.interp(x, self.x, np.abs(self.deviation))
 
-    def text(self, law: str, quantity: str, unit: str, factor: float = 1.0) -> str:
-        """Say where the law misses the data; ``factor`` turns the abscissa into ``unit``."""
+    def text(self, law: str, quantity: str, unit: str, factor: float = 1.0, *, of: str = "") -> str:
+        """Say where the law misses the data; ``factor`` turns the abscissa into ``unit``.
+
+        of : what the deviation is a part of, as " of the friction", if not of the value.
+        """
         worst = int(np.argmax(np.where(self.off, np.abs(self.deviation), 0.0)))
         side = "below" if self.deviation[worst] > 0.0 else "above"
         return (
             f"{law} does not follow the data: it lies "
-            f"{100.0 * abs(self.deviation[worst]):.0f} % {side} them around {quantity} = "
+            f"{100.0 * abs(self.deviation[worst]):.0f} %{of} {side} them around {quantity} = "
             f"{factor * self.x[worst]:.4g} {unit}, which is no scatter"
         )
 
@@ -79,6 +82,7 @@ def lack_of_fit(
     specimen: np.ndarray,
     *,
     tolerance: float = TOLERANCE,
+    scale: np.ndarray | None = None,
 ) -> LackOfFit:
     """Compare data and model band by band.
 
@@ -88,10 +92,13 @@ def lack_of_fit(
     data, model : measured and fitted values, shape [row_count].
     specimen : number of the specimen of each row, shape [row_count].
     tolerance : mean deviation of a band that matters.
+    scale : what deviations are taken over, shape [row_count]; the values by default.
     """
     x, data, model = (np.asarray(values, dtype=float) for values in (x, data, model))
-    smallest = _SMALL_VALUE * np.max(np.abs(data))
-    deviation = (data - model) / np.maximum(np.maximum(np.abs(model), smallest), 1e-300)
+    if scale is None:
+        smallest = _SMALL_VALUE * np.max(np.abs(data))
+        scale = np.maximum(np.abs(model), smallest)
+    deviation = (data - model) / np.maximum(scale, 1e-300)
     order = np.argsort(x, kind="stable")
     band = np.empty(len(x), dtype=int)
     band[order] = _bands(x[order])
@@ -135,7 +142,13 @@ def _between(deviation: np.ndarray, specimen: np.ndarray) -> float:
     return float(np.std(means, ddof=1) / math.sqrt(len(numbers)))
 
 
-def falling_row(load: np.ndarray, specimen: np.ndarray, *, for_good: bool = False) -> int | None:
+def falling_row(
+    load: np.ndarray,
+    specimen: np.ndarray,
+    *,
+    for_good: bool = False,
+    noise_floor: float = 0.0,
+) -> int | None:
     """Return the first row where the load of a specimen falls below its peak, None without one.
 
     A test that loads the specimen cannot lower the load of a law that rises: the specimen tore,
@@ -147,6 +160,7 @@ def falling_row(load: np.ndarray, specimen: np.ndarray, *, for_good: bool = Fals
     specimen : number of the specimen of each row, shape [row_count].
     for_good : count only a fall of two rows or more from which the load never comes back to its
         peak, for a load that was computed and scatters more in one place than in another.
+    noise_floor : smallest noise relative to the largest load.
     """
     first = []
     for number in np.unique(specimen):
@@ -158,11 +172,13 @@ def falling_row(load: np.ndarray, specimen: np.ndarray, *, for_good: bool = Fals
         middle[0], middle[-1] = min(middle[:2].min(), values[0]), min(middle[-1], middle[-2])
         peak = np.maximum.accumulate(middle)
         usable = np.abs(middle) > _FALL * np.max(np.abs(middle))
-        ratio = (values[1:] - values[:-1]) / np.maximum(np.abs(middle[1:]), 1e-300)
+        least = max(noise_floor * float(np.max(np.abs(middle))), 1e-300)
+        ratio = (values[1:] - values[:-1]) / np.maximum(np.abs(middle[1:]), least)
         # Second differences do not see the rise of the load, only its scatter.
         rough = np.abs(np.diff(ratio))[usable[2:]]
         noise = float(np.median(rough)) / (0.6745 * math.sqrt(6.0)) if len(rough) else 0.0
-        fallen = peak - values > max(_FALL, _FALL_IN_NOISE * noise) * peak
+        size = np.maximum(peak, least) if noise_floor > 0.0 else peak
+        fallen = peak - values > np.maximum(_FALL * peak, _FALL_IN_NOISE * noise * size)
         # What is small against the whole test is the start of it, not its end.
         fallen &= peak > _FALL * np.max(middle)
         if for_good:

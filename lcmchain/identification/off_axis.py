@@ -24,7 +24,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import nnls
-from scipy.stats import f as fisher
 
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
@@ -32,6 +31,7 @@ from lcmchain.identification.lack_of_fit import LackOfFit, falling_row, lack_of_
 from lcmchain.identification.regression import (
     Fit,
     coefficient_of_determination,
+    is_better_by_more_than_chance,
     least_squares_within,
     noise_scale,
 )
@@ -183,12 +183,10 @@ def fit_strips(strips: Strips, noise_floor: float, order: int | None = None) -> 
 
 
 def _needs(more: StripFit, less: StripFit) -> bool:
-    free = more.fit.degrees_of_freedom
-    count = len(more.names) - len(less.names)
-    if free < 1 or more.misfit >= less.misfit:
-        return False
-    ratio = (less.misfit - more.misfit) / count / (more.misfit / free)
-    return bool(fisher.sf(ratio, count, free) < FALSE_COEFFICIENT)
+    return is_better_by_more_than_chance(
+        less.misfit, more.misfit, len(more.names) - len(less.names), more.fit.degrees_of_freedom,
+        FALSE_COEFFICIENT,
+    )  # fmt: skip
 
 
 def _fit_order(strips: Strips, noise_floor: float, order: int) -> StripFit:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
+from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 CONFIDENCE = 0.95
@@ -119,6 +120,22 @@ def coefficient_of_determination(data: np.ndarray, model: np.ndarray) -> float:
     """Return R² = 1 - Σ(y - model)² / Σ(y - mean)² of the unweighted data."""
     spread = np.sum((data - data.mean()) ** 2)
     return float(1.0 - np.sum((data - model) ** 2) / spread) if spread > 0.0 else np.nan
+
+
+def is_better_by_more_than_chance(
+    before: float, left: float, count: int, free: int, chance: float
+) -> bool:
+    """Whether a law with more parameters describes the data better than scatter would let it.
+
+    Parameters
+    ----------
+    before, left : sums of squares of the law with less and with more.
+    count : of the parameters that it has more. free : degrees of freedom that are left.
+    chance : of a wrong yes for data with normal errors (F test).
+    """
+    if free < 1 or count < 1 or left >= before:
+        return False
+    return bool(fisher.sf((before - left) / count / (left / free), count, free) < chance)
 
 
 def residual_autocorrelation(residuals: np.ndarray, group: np.ndarray) -> float:

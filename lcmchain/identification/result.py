@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +15,10 @@ from lcmchain.identification.regression import residual_autocorrelation
 SHOWN_UNITS = {
     "Pa": ("MPa", 1e-6),
     "N*m": ("N*mm", 1e3),
+    "N": ("N", 1.0),
+    "1/m": ("1/m", 1.0),
+    "J/m2": ("J/m2", 1.0),
+    "rad": ("deg", 180.0 / math.pi),
     "m": ("mm", 1e3),
     "Pa*s": ("Pa*s", 1.0),
     "s": ("s", 1.0),
@@ -84,7 +89,8 @@ class Identification:
 
     Attributes
     ----------
-    law : ``"shear"``, ``"viscous shear"``, ``"compaction"`` or ``"bending"``.
+    law : ``"shear"``, ``"viscous shear"``, ``"shear friction"``, ``"compaction"``, ``"bending"``,
+        ``"bending friction"`` or ``"off-axis"``.
     method : how, in words.
     noise_model : what the intervals assume about the errors of the measurement.
     interval_method : how the intervals were found.

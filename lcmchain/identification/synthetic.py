@@ -21,8 +21,10 @@ from lcmchain.coupons.analytic import (
     power_law_pressure,
     strip_stiffness,
 )
+from lcmchain.materials.dahl import Friction
 from lcmchain.materials.fabric import Fabric
 from lcmchain.materials.shear_compaction import free_shear_stress
+from lcmchain.materials.shear_friction import ShearFriction
 from lcmchain.materials.viscous_shear import ViscousShear
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
@@ -76,6 +78,64 @@ def picture_frame_curve(
     angle = np.where(travels > 0.0, specimen.shear_angle(travels), 0.0)
     stress = free_shear_stress(fabric, angle) + np.array(of_rate)
     return noisy(specimen.force(angle, lambda _: stress), noise, seed)
+
+
+def bending_loop_curve(
+    stiffness: float,
+    friction: Friction,
+    curvature: ArrayLike,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> np.ndarray:
+    """Return the moment per width [N] of a fabric that rubs, at curvatures [1/m] from rest on.
+
+    stiffness : per width [N m]. noise : over the largest moment.
+    """
+    moment, found, last = 0.0, [], 0.0
+    for now in np.asarray(curvature, dtype=float):
+        moment = friction.after(moment, now - last)
+        found.append(stiffness * now + moment)
+        last = now
+    return _with_even_noise(np.array(found), noise, seed)
+
+
+def shear_loop_curve(
+    fabric: Fabric,
+    friction: ShearFriction,
+    specimen: PictureFrame,
+    displacement: ArrayLike,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> np.ndarray:
+    """Return the force [N] of a frame that is sheared there and back, at travels [m] from 0 on.
+
+    noise : over the largest force.
+    """
+    travels = np.asarray(displacement, dtype=float)
+    memory, of_friction, last = np.zeros(len(friction.memory)), [], 0.0
+    for travel in travels:
+        way = np.linspace(last, travel, _PARTS_OF_A_ROW + 1)[1:]
+        angles = specimen.shear_angle(way)
+        strains, stress = (
+            np.sin(angles),
+            np.sign(angles) * free_shear_stress(fabric, np.abs(angles)),
+        )
+        before = memory[0]
+        for strain, elastic in zip(strains, stress, strict=True):
+            before, memory = memory[0], friction.in_step(strain, memory, elastic)
+        of_friction.append(float(friction.stress_of(before, memory[0], memory[1])))
+        last = travel
+    angle = specimen.shear_angle(travels)
+    total = np.sign(angle) * free_shear_stress(fabric, np.abs(angle)) + np.array(of_friction)
+    return _with_even_noise(specimen.force(angle, lambda _: total), noise, seed)
+
+
+def _with_even_noise(values: np.ndarray, noise: float, seed: int) -> np.ndarray:
+    """Return values with errors of one size, over the largest value."""
+    errors = np.random.default_rng(seed).standard_normal(len(values))
+    return values + noise * float(np.abs(values).max()) * errors
 
 
 def compaction_curve(

@@ -19,11 +19,16 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import least_squares, nnls
-from scipy.stats import f as fisher
 
 from lcmchain.coupons.analytic import shear_strain
 from lcmchain.identification.frame_tests import FrameTests
-from lcmchain.identification.regression import Fit, exponential, fit_linear, noise_scale
+from lcmchain.identification.regression import (
+    Fit,
+    exponential,
+    fit_linear,
+    is_better_by_more_than_chance,
+    noise_scale,
+)
 from lcmchain.identification.shear import COEFFICIENT_COUNT, mean_secant, rising_stress
 from lcmchain.materials.viscous_shear import GAS_CONSTANT
 
@@ -192,9 +197,7 @@ class RateLaws:
         self, before: float, left: float, count: int, form: Form, chance: float = FALSE_PART
     ) -> bool:
         free = len(self.tests.angle) - COEFFICIENT_COUNT - len(form.names) - len(form.searched)
-        if free < 1 or count < 1 or left >= before:
-            return False
-        return bool(fisher.sf((before - left) / count / (left / free), count, free) < chance)
+        return is_better_by_more_than_chance(before, left, count, free, chance)
 
     def _in_order(self, form: Form, theta: np.ndarray) -> np.ndarray:
         first = len(theta) - form.elements

@@ -21,7 +21,7 @@ from lcmchain.coupons.analytic import PictureFrame
 from lcmchain.errors import InputError
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.frame_tests import COLUMNS, FrameTests, frame_tests
-from lcmchain.identification.lack_of_fit import LackOfFit, lack_of_fit
+from lcmchain.identification.lack_of_fit import TOLERANCE, LackOfFit, lack_of_fit
 from lcmchain.identification.regression import (
     coefficient_of_determination,
     noise_scale,
@@ -170,7 +170,7 @@ def _judge(tests: FrameTests, fit: RateFit) -> tuple[list[LackOfFit], dict[str, 
     force, model, moving = tests.force, fit.linear.model, ~tests.still
     dashpot = "Cross's law" if fit.form.cross else "a constant viscosity"
     looks = [
-        ("angle", tests.angle, np.ones(len(force), dtype=bool), None,
+        ("angle", tests.angle, np.ones(len(force), dtype=bool), TOLERANCE,
          ("the law", "the shear angle", "deg", 180.0 / math.pi)),
         ("rate", tests.rate, moving, TOLERANCE_OF_RATES, (dashpot, "the rate", "1/s", 1.0)),
     ]  # fmt: skip
@@ -186,8 +186,9 @@ def _judge(tests: FrameTests, fit: RateFit) -> tuple[list[LackOfFit], dict[str, 
         )  # fmt: skip
     lacks, objections = [], {}
     for name, x, rows, tolerance, words in looks:
-        options = {} if tolerance is None else {"tolerance": tolerance}
-        lack = lack_of_fit(x[rows], force[rows], model[rows], tests.data.specimen[rows], **options)
+        lack = lack_of_fit(
+            x[rows], force[rows], model[rows], tests.data.specimen[rows], tolerance=tolerance
+        )
         if rows.all():
             lacks.append(lack)
         if lack.is_systematic:

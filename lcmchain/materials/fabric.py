@@ -60,6 +60,7 @@ from lcmchain.materials.pressure_table import (
     PressureCurve,
     PressureTable,
 )
+from lcmchain.materials.pressure_table_file import read_pressure_curves
 from lcmchain.materials.relaxation import (
     OWN_MEMORY,
     CompactionRelaxation,
@@ -117,6 +118,7 @@ from lcmchain.quantities.entry_types import (
     ArealMass,
     Density,
     Number,
+    OrFile,
     PositiveCurvature,
     PositiveForce,
     PositiveLength,
@@ -905,10 +907,12 @@ class FabricCompaction(ExponentialCompaction):
             entries="curves",
             units=False,
         ),
+        OrFile("compaction.csv", read_pressure_curves),
     ] = Field(
         default=(),
         description="Measured compaction at several shear angles, in place of shear_coupling; c0, "
-        "c1, c2 lead between its points and beyond.",
+        "c1, c2 lead between its points and beyond. Or a CSV file with the header `shear angle "
+        "[deg],stretch [1],pressure [MPa]`; relative to the scene file.",
     )
 
     @property

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import StrictBool, ValidationInfo
@@ -355,6 +356,33 @@ class Text:
 
 class FileName(Text):
     """Name of a file that the scene needs, relative to its folder."""
+
+
+@dataclass(frozen=True)
+class OrFile(FileName):
+    """Name of a file in place of a list; what it holds takes the place of its name.
+
+    Parameters
+    ----------
+    read : returns the entries of a scene that a file holds.
+    """
+
+    read: Callable[[Path], Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+        return core_schema.no_info_before_validator_function(self._require_list, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+        name = {"type": "string", "minLength": 1, "examples": [self.example]}
+        return {"anyOf": [handler(schema), name]}
+
+    def _require_list(self, value: Any) -> Any:
+        if isinstance(value, str):
+            raise wrong(
+                f"names a file, {_toml_like(value)}, which is read with a scene file alone; give "
+                "its contents, or read the scene from a file or text"
+            )
+        return value
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ValidationError
 from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
 from lcmchain.scene.explain import MOST_PROBLEMS, Problem, key_text, problems_of
+from lcmchain.scene.files_of_tables import with_tables
 from lcmchain.scene.limits import MOST_BYTES, beyond_limits
 from lcmchain.scene.named_files import dotted, named_files
 from lcmchain.scene.overrides import apply_overrides
@@ -97,12 +98,13 @@ def scene_from_text(
     if overrides:
         apply_overrides(data, overrides)
         require_within_limits(data, path)
+    expanded, of_files = with_tables(data, directory)
     try:
-        scene = Scene.model_validate(copy.deepcopy(data), context=FROM_FILE)
+        scene = Scene.model_validate(copy.deepcopy(expanded), context=FROM_FILE)
     except ValidationError as error:
         # Files are looked up even so, to report everything that is wrong at once.
         missing = _missing_files(data, directory)
-        problems = problems_of(error, data) + missing
+        problems = problems_of(error, expanded) + missing
         unexplained = max(error.error_count() - MOST_PROBLEMS, 0)
         raise input_error(problems, path, unexplained=unexplained) from None
     missing = _missing_files(data, directory)
@@ -112,7 +114,10 @@ def scene_from_text(
     if overrides:
         full_text = text.rstrip("\n") + "\n\n# Overrides:\n"
         full_text += "".join(f"{OVERRIDE}{' '.join(item.splitlines())}\n" for item in overrides)
-    given, defaulted = _used_values(scene, data)
+    if of_files:
+        full_text = full_text.rstrip("\n") + "\n\n# From files that the scene names:\n"
+        full_text += "".join(f"{OVERRIDE}{item}\n" for item in of_files)
+    given, defaulted = _used_values(scene, expanded)
     scene._source = SceneSource(
         path=path,
         directory=directory,

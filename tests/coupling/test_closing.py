@@ -13,6 +13,7 @@ from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
 from lcmchain.coupling.infiltration.time_step import TimeStep
+from lcmchain.coupling.solids.closures import Bag
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh
@@ -483,3 +484,31 @@ def test_sheared_cells_are_pressed_by_the_coupled_law(beta):
     # β = 1: one pressure for one fibre volume fraction
     if beta == 1.0:
         assert np.ptp(law.pressure(0.7 * free)) < 1e-9 * law.pressure(0.7 * free)[0]
+
+
+TABLED = """# --set material.compaction.table=[\
+{shear_angle = "0 deg", stretch = [1.0, 0.9, 0.8, 0.7], pressure = "0 0.02 0.12 0.7 MPa"}, \
+{shear_angle = "40 deg", stretch = [1.15, 1.03, 0.92, 0.8], pressure = "0 0.03 0.15 0.9 MPa"}]
+"""
+
+
+def test_a_bag_presses_sheared_cells_by_the_table_of_the_scene_that_formed_them(source):
+    """The points at 0 and 40 degrees, from the fibres per area that the shear leaves in a cell."""
+    sheared = np.arange(2 * COLUMNS) % 2 == 1
+    with xr.open_dataset(source) as opened:
+        part = opened.load()
+    more = np.where(sheared, 1.0 / np.cos(np.radians(40.0)), 1.0)
+    for name in ("fibre_volume_fraction", "areal_fibre_mass"):
+        part[name] = part[name].copy(data=part[name].values * more)
+    part.attrs["scene"] = SCENE + TABLED
+    write_netcdf(source, {"/": part})
+    law = compaction_of(read_formed_part(source))
+    nothing = np.zeros(2 * COLUMNS)
+    for pressures, stretches in (((0.12e6, 0.15e6), (0.8, 0.92)), ((0.7e6, 0.9e6), (0.7, 0.8))):
+        bag = Bag(np.where(sheared, pressures[1], pressures[0]))
+        closed = bag.close(law, nothing + 1.0, nothing, 0.0)
+        expected = THICKNESS * np.where(sheared, stretches[1], stretches[0])
+        np.testing.assert_allclose(closed.thickness, expected, rtol=1e-6)
+        # the answer to the pore pressure is the slope of the law
+        lifted = bag.close(law, nothing + 1.0, nothing + 10.0, 0.0).thickness
+        np.testing.assert_allclose((lifted - closed.thickness) / 10.0, closed.compliance, rtol=1e-3)

@@ -12,7 +12,7 @@ from contract import Case
 from mutations import UNITS, mutated_bytes, mutated_lines
 from scenes import EXAMPLES
 
-LAWS = ("shear", "compaction", "bending")
+LAWS = ("shear", "compaction", "bending", "bending-loop", "shear-loop")
 CELLS = (
     "", " ", "nan", "inf", "-inf", "1e400", "1e308", "-1e308", "1e-320", "0", "-1", "1,5",
     "1.5.2", "x",
@@ -61,8 +61,9 @@ def make(rng: random.Random, folder: Path) -> Case:
     elif kind == "size":
         option = rng.choice({"shear": ["--length", "--width", "--thickness"],
                              "compaction": ["--thickness", "--areal-mass", "--fibre-density"],
-                             "bending": ["--thickness", "--areal-mass",
-                                         "--angle"]}[law])  # fmt: skip
+                             "bending": ["--thickness", "--areal-mass", "--angle"],
+                             "bending-loop": ["--thickness"],
+                             "shear-loop": ["--thickness", "--side"]}[law])  # fmt: skip
         options = [
             option,
             rng.choice(

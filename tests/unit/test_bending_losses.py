@@ -12,9 +12,11 @@ from without_damping_bound import require_blows_up
 
 from lcmchain.check import check_scene
 from lcmchain.coupons.pure_bending import bent_ends, pure_bending
+from lcmchain.coupons.result import write_coupon
 from lcmchain.coupons.specimen import Loop
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
+from lcmchain.identification.from_file import identify_bending_loop_file
 from lcmchain.materials import bending_losses as module
 from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
 from lcmchain.materials.dahl import Friction
@@ -293,8 +295,11 @@ def test_check_names_the_effects_and_what_limits_the_step():
 
 
 @pytest.mark.slow
-def test_a_strip_that_is_bent_and_back_follows_the_law():
-    """Kawabata's loop of friction: moments within 1 %, the loss of all of it within 0.5 %."""
+def test_a_strip_that_is_bent_and_back_follows_the_law(tmp_path):
+    """Kawabata's loop of friction: moments within 1 %, the loss of all of it within 0.5 %.
+
+    ``identify bending-loop`` finds the law of the simulated loop again.
+    """
     own = only_friction()
     result = pure_bending(scene().material, cycles=1)
     assert max(abs(one.relative) for one in result.comparisons) < 0.01
@@ -305,6 +310,12 @@ def test_a_strip_that_is_bent_and_back_follows_the_law():
     )
     lost = column(own, followed(own, along_first(fine)), "bending_friction_loss")[-1]
     assert energy["inelastic"] == pytest.approx(lost * THICKNESS * 0.02**2, rel=5e-3)
+    write_coupon(tmp_path, result)
+    found = identify_bending_loop_file(tmp_path / "curve.csv", {})
+    stiffness = scene().material.build().law.B11 * THICKNESS**3 / 12.0
+    assert found["stiffness"].value == pytest.approx(stiffness, rel=0.01)
+    assert found["friction_moment"].value == pytest.approx(FRICTION.limit, rel=0.01)
+    assert found["friction_curvature"].value == pytest.approx(FRICTION.length, rel=0.03)
 
 
 @pytest.mark.slow

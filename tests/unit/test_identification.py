@@ -440,7 +440,8 @@ def test_scene_takes_the_identified_parameters():
 
 def test_example_data_are_those_of_its_script(tmp_path):
     runpy.run_path(str(EXAMPLE / "make_data.py"))["write_data"](tmp_path)
-    for name in ("shear.csv", "compaction.csv", "bending.csv", "viscous.csv", "off-axis.csv"):
+    names = ("shear", "compaction", "bending", "viscous", "off-axis", "bending-loop", "shear-loop")
+    for name in (f"{own}.csv" for own in names):
         again = np.loadtxt(tmp_path / name, delimiter=",", comments="#", skiprows=2)
         kept = np.loadtxt(EXAMPLE / name, delimiter=",", comments="#", skiprows=2)
         assert again == pytest.approx(kept, rel=1e-6)
@@ -454,6 +455,8 @@ def test_example_data_are_those_of_its_script(tmp_path):
         ("bending", dict(zip(("C11", "C22", "C12"), BENDING))),
         ("off-axis", {"across": 4e6}),
         ("viscous", {"viscosity": 2000.0, "modulus_1": 3e4, "relaxation_time_1": 2.0}),
+        ("bending-loop", {"friction_moment": 0.02, "friction_curvature": 4.0}),
+        ("shear-loop", {"friction_stress": 5e3, "friction_growth": 0.3}),
     ],
 )
 def test_command_identifies_the_example(law, truth, tmp_path, capsys):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from lcmchain.materials.law import (
 )
 from lcmchain.scene import scene_from_text
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENE = """
 title = "material"
 process = {{ time = "1 ms" }}
@@ -244,10 +247,14 @@ def test_a_file_with_a_shear_angle_tells_the_coupling(tmp_path):
 # --- coupons --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("degrees", [30.0, 45.0])
+@pytest.mark.parametrize(
+    "degrees",
+    [pytest.param(own, marks=pytest.mark.slow) for own in (0.0, 15.0)] + [30.0, 45.0],
+)
 def test_a_sheared_piece_is_pressed_as_the_law_says(degrees):
     """0.1 % from 0.02 to 1.4 MPa on the present area, from the thickness that it takes freely."""
-    result = compaction(table(1.0), size=10e-3, shear_angle=math.radians(degrees))
+    sheared = {"shear_angle": math.radians(degrees)} if degrees else {}
+    result = compaction(table(1.0), size=10e-3, **sheared)
     assert len(result.comparisons) == 7
     assert max(abs(c.relative) for c in result.comparisons) < 1e-3
     free = 1.004 / math.cos(math.radians(degrees))
@@ -263,3 +270,22 @@ def test_a_picture_frame_thickens_without_pressure(beta):
     expected = 1.004 / np.cos(np.radians(result.curves["analytic shear angle [deg]"])) ** beta
     np.testing.assert_allclose(thickness, expected, rtol=1e-5)
     assert max(abs(c.relative) for c in result.comparisons) < 0.01
+
+
+# --- a formed part --------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_hemisphere_thickens_with_the_coupling_and_fills_sooner(tmp_path):
+    """The rows of the table of the manual on a coarser mesh: what β does goes one way."""
+    compare = runpy.run_path(str(EXAMPLES / "shear_compaction" / "compare.py"))
+    found = []
+    for beta in (0.0, 1.0):
+        cells = compare["row"](beta, tmp_path, 10.0).split("|")[2:8]
+        found.append([float(cell.split()[-1].rstrip("°")) for cell in cells])
+    plain, coupled = np.array(found)
+    most, sheared, fraction, force, shear, time = range(6)
+    assert coupled[most] > 1.2 * plain[most] and coupled[sheared] > 1.2 * plain[sheared]
+    assert coupled[fraction] < 0.85 * plain[fraction]
+    assert coupled[force] > plain[force] and abs(coupled[shear] - plain[shear]) < 3.0
+    assert coupled[time] < plain[time]

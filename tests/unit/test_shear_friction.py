@@ -15,8 +15,11 @@ from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.cantilever import cantilever
 from lcmchain.coupons.off_axis import off_axis
 from lcmchain.coupons.picture_frame import picture_frame
+from lcmchain.coupons.result import write_coupon
+from lcmchain.coupons.specimen import Loop
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
+from lcmchain.identification.from_file import identify_shear_loop_file
 from lcmchain.materials.fabric import FabricLaw
 from lcmchain.materials.law import (
     evolved_history,
@@ -31,6 +34,7 @@ from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.statics import StaticProblem
+from lcmchain.threads import use_threads
 
 CONSTANT = ShearFriction(5e3, math.radians(1.0))
 GROWING = ShearFriction(5e3, math.radians(1.0), 0.3)
@@ -208,8 +212,11 @@ def test_check_names_the_friction_and_a_scene_may_leave_it_out():
 
 
 @pytest.mark.slow
-def test_the_picture_frame_shows_the_loop():
-    """There and back twice: forces within 1 % of the largest, the loss of a cycle within 1 %."""
+def test_the_picture_frame_shows_the_loop(tmp_path):
+    """There and back twice: forces within 1 % of the largest, the loss of a cycle within 1 %.
+
+    ``identify shear-loop`` finds the law of the simulated cycles again.
+    """
     material = scene().material
     result = picture_frame(material, shear_angle=0.8, edge_length=0.1, cycles=2)
     largest = max(own.reference for own in result.comparisons if own.unit == "N")
@@ -217,6 +224,57 @@ def test_the_picture_frame_shows_the_loop():
         assert abs(own.difference) < 0.01 * (largest if own.unit == "N" else own.reference)
     back = [own for own in result.comparisons if "back" in own.quantity]
     assert len(back) == 4 and back[0].reference < 0.5 * result.comparisons[0].reference
+    write_coupon(tmp_path, result)
+    found = identify_shear_loop_file(tmp_path / "curve.csv", {"side": "200 mm"})
+    assert found["friction_stress"].value == pytest.approx(GROWING.stress, rel=0.05)
+    assert found["friction_angle"].value == pytest.approx(GROWING.angle, rel=0.05)
+    assert found["friction_growth"].value == pytest.approx(GROWING.growth, rel=0.05)
+
+
+def hinged_frame(angle):
+    """Return the support of a square of 20 mm, sheared by an angle [rad] over time."""
+
+    def hinged(time):
+        c, s = math.cos(0.5 * angle(time)), math.sin(0.5 * angle(time))
+        return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
+
+    def frame(blank):
+        rim = (np.abs(blank.node_positions[:, :2]) > 0.01 - 1e-9).any(axis=1)
+        return [Support("frame", np.flatnonzero(rim), "xy", motion=hinged)]
+
+    return frame
+
+
+@pytest.mark.slow
+def test_a_loop_goes_on_bit_identical_with_its_memory():
+    """From a state restored on the way back, with two threads, and not without the memory."""
+    text = 'time = "20 ms", mass_damping = "500 1/s"'
+
+    def begun():
+        loop = Loop([0.0, math.radians(20.0), 0.0], 0.01)
+        frame = hinged_frame(loop.travel)
+        return Simulation(build_model(scene(RUBBED, text, "blank.edge_length=2 mm"), frame))
+
+    simulation = begun()
+    simulation.advance_to(0.011)
+    half_way = simulation.state.copy()
+    simulation.advance_to(0.014)
+    again, threads = begun(), begun()
+    again.restore(half_way)
+    again.advance_to(0.014)
+    try:
+        use_threads(2, 10**6)
+        threads.advance_to(0.011)
+        threads.advance_to(0.014)
+    finally:
+        use_threads(1, 1)
+    for other in (again, threads):
+        for name, array in other.state.as_dict().items():
+            np.testing.assert_array_equal(array, getattr(simulation.state, name), err_msg=name)
+    again.restore(half_way)
+    again.state.history[:] = 0.0
+    again.advance_to(0.014)
+    assert not np.array_equal(again.state.position, simulation.state.position)
 
 
 @pytest.mark.slow
@@ -225,15 +283,9 @@ def test_a_released_frame_keeps_the_angle_of_the_law():
     largest, ramp = math.radians(30.0), 0.05
     text = 'time = "0.4 s", mass_damping = "10000 1/s"'
 
-    def hinged(time):
-        angle = largest * 0.5 * (1.0 - math.cos(math.pi * min(time / ramp, 1.0)))
-        c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
-        return np.array([[c, s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])
-
-    def frame(blank):
-        rim = (np.abs(blank.node_positions[:, :2]) > 0.01 - 1e-9).any(axis=1)
-        return [Support("frame", np.flatnonzero(rim), "xy", motion=hinged)]
-
+    frame = hinged_frame(
+        lambda time: largest * 0.5 * (1.0 - math.cos(math.pi * min(time / ramp, 1.0)))
+    )
     held = Simulation(build_model(scene(RUBBED, text), frame))
     held.advance_to(ramp)
     free = Simulation(build_model(scene(RUBBED, text)))
