@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 from lcmchain.tools.motion.base import TABULATED
 from lcmchain.tools.motion.travel import travel_along
 from lcmchain.tools.table import ToolTable
-
-if TYPE_CHECKING:
-    from lcmchain.model import Environment, Model
 
 #: Columns of the tool table that a motion gives one number for.
 MOTION_COLUMNS = (
@@ -45,7 +42,7 @@ class StageTables:
     grippers : those that pull, without force where they are not at work; None without any.
     grippers_at_work, gripper_begin : (G,) of them: whether, and since when [s].
     supports : with the motions of the stage, or None. supports_at_work : (S,).
-    face_pressure, ply_contact, environment, averaging, pace : as in the model.
+    face_pressure, ply_contact, environment, averaging, pace : as in :class:`lcmchain.model.Model`.
     rest_energy : of a stage that ends at rest (:mod:`lcmchain.solver.rest`), else None.
     settled : when the motions and loads of the stage have come to their end [s].
     """
@@ -62,13 +59,13 @@ class StageTables:
     supports_at_work: np.ndarray
     face_pressure: FacePressure | None
     ply_contact: PlyContact | None
-    environment: Environment
+    environment: Any
     averaging: float | None
     pace: PaceLaw | None
     rest_energy: float | None
     settled: float
 
-    def model(self, model: Model, number: int, whole: Model, state: Any) -> Model:
+    def model(self, model: Any, number: int, whole: Any, state: Any) -> Any:
         """Return the model in this stage.
 
         number : of the stage. whole : the model over all stages. state : since the stage began.
@@ -97,7 +94,7 @@ class StageTables:
             over_all_stages=whole,
         )
 
-    def free(self, model: Model, let_go: np.ndarray) -> np.ndarray:
+    def free(self, model: Any, let_go: np.ndarray) -> np.ndarray:
         """Return 1 where a component of a node is free (3, node_count), 0 where it is held.
 
         let_go : (S,) when each support let go [s], infinite where it holds.
@@ -112,7 +109,7 @@ class StageTables:
 
 
 def stage_tables(
-    model: Model,
+    model: Any,
     plans: Sequence[StagePlan],
     contacts: Sequence[PlyContact],
     *,

@@ -159,9 +159,7 @@ def closest_gap(tools: Any, places: np.ndarray, process_time: float) -> float:
     return _least_gap(tools, range(tools.kind.size), places, times)
 
 
-def _least_gap(
-    tools: Any, chosen: Sequence[int], places: np.ndarray, times: np.ndarray
-) -> float:
+def _least_gap(tools: Any, chosen: Sequence[int], places: np.ndarray, times: np.ndarray) -> float:
     """Return the smallest gap [m] between any two of some tools at some times [s]."""
     return min(
         (

@@ -292,6 +292,8 @@ def _resolved_text(scene: Scene, key: str, text: str) -> str:
     """Add the value to a default that is another entry of the scene."""
     if text == "contact.friction":
         return f"{scene.contact.friction:g} ({text})"
+    if text == "process.time" and key.startswith("stages."):
+        return "the end of the stage"
     if text == "process.time":
         return f"{scene.process.time:g} s ({text})"
     return _found_text(scene, key) or text

@@ -74,6 +74,14 @@ class Stage(SceneModel):
         "energy stored when the motions of the stage have ended.",
     )
 
+    springback_from: Annotated[
+        Annotated[str, Name("close")] | None, AbsentMeans("the stage before")
+    ] = Field(
+        default=None,
+        description="Of a stage that ends at rest: the stage at whose end the part has the shape "
+        "that the springback is measured from.",
+    )
+
     _found: bool = PrivateAttr(default=False)
 
     @property
@@ -352,8 +360,15 @@ def _require_motions(scene: Any) -> None:
                 "a peak; leave one of them out",
                 field=f"{key}.mass_damping",
             )
-        if "rest_energy" in stage.model_fields_set and not stage.rest:
-            raise wrong("belongs to rest = true", field=f"{key}.rest_energy")
+        for entry in ("rest_energy", "springback_from"):
+            if entry in stage.model_fields_set and not stage.rest:
+                raise wrong("belongs to rest = true", field=f"{key}.{entry}")
+        before = [earlier.name for earlier in scene.stages[:number]]
+        if stage.springback_from is not None and stage.springback_from not in before:
+            raise wrong(
+                _no_such(stage.springback_from, before, "stage before this one"),
+                field=f"{key}.springback_from",
+            )
         if stage.rest and scene.wet_forming is not None:
             raise wrong(
                 "stops the sheet and passes time without steps, but resin flows meanwhile "

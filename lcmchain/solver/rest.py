@@ -16,6 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from lcmchain.model import Model
 from lcmchain.solver.guards import energy_floor
 from lcmchain.solver.histories import next_sample_time, take_sample
@@ -52,7 +54,7 @@ def calm(model: Model, state: State, stored: Callable[[], float]) -> None:
     stage = model.present_stage
     if stage is None or stage.rest_energy is None or state.time < stage.settled:
         return
-    rest, kinetic = state.rest[model.stage], float(state.work[KINETIC])
+    rest, kinetic = state.rest[model.stage], _kinetic(model, state)
     if rest[REST_SCALE] == 0.0:
         rest[REST_SCALE] = max(stored(), kinetic, energy_floor(model))
         rest[REST_LAST] = kinetic
@@ -66,6 +68,12 @@ def calm(model: Model, state: State, stored: Callable[[], float]) -> None:
     _stop(model, state, stored)
     if rest[REST_PEAK] <= stage.rest_energy * rest[REST_SCALE] and rest[REST_TIME] == 0.0:
         rest[REST_TIME] = state.time
+
+
+def _kinetic(model: Model, state: State) -> float:
+    """Return the energy of the present velocities [J], which no vibration makes negative."""
+    moved = float(np.sum(model.nodes.mass * np.sum(state.velocity**2, axis=0)))
+    return 0.5 * (moved + float(np.sum(model.tools.mass * state.tool_velocity**2)))
 
 
 def _stop(model: Model, state: State, stored: Callable[[], float]) -> None:

@@ -34,7 +34,7 @@ RAMP_PART = 0.05
 
 @equation
 def guided_load(table, tool, added_force, time):
-    """Load [N] on a guided tool along its direction: weight and forces, ramped up at their start."""
+    """Load [N] on a guided tool along its direction: weight and forces, ramped up."""
     load = table.force[tool] + added_force + table.mass[tool] * table.gravity_along[tool]
     since = time - table.load_start[tool]
     if since < table.ramp[tool]:
