@@ -67,10 +67,12 @@ START_ENTRIES = 2
 # Entries of ``State.rest``, of a stage that ends at rest (:mod:`lcmchain.solver.rest`).
 REST_SCALE = 0  # energy that the motion is compared with [J]; 0 before the motions have ended
 REST_LAST = 1  # kinetic energy after the last chunk of steps [J]
-REST_PEAK = 2  # that at the last peak [J]
+REST_PEAK = 2  # largest one since the last stop [J]
 REST_TIME = 3  # when the sheet was at rest [s]; 0 before
 REST_STOPS = 4  # how often it was stopped at a peak
-REST_ENTRIES = 5
+REST_STOPPED = 5  # when it was stopped last [s]
+REST_SWING = 6  # longest time from a stop to the next one [s]
+REST_ENTRIES = 7
 
 # Entries of ``State.tool_peak``.
 PEAK_FORCE = 0  # [N]

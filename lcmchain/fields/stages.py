@@ -162,14 +162,12 @@ def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
         if rest is None or rest["reached_s"] is not None:
             continue
         part = rest["energy_part"]
-        how = (
-            "its motions took all of the time"
-            if part is None
-            else (
-                f"the last peak of its kinetic energy is {part:.2g} of what was stored, not "
-                f"{rest['wanted']:g}"
+        how = "its motions took all of the time"
+        if part is not None:
+            how = (
+                f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
+                f"wanted is {rest['wanted']:g}"
             )
-        )
         found.append(
             f"the sheet did not come to rest in the stage {stage['name']}: {how}; use a longer "
             f"stages.{stage['name']}.time"

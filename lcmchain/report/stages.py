@@ -83,7 +83,9 @@ def rest_in_words(stage: Mapping[str, Any]) -> str:
     """Say whether the sheet came to rest in a stage, and how still it is."""
     rest = stage["rest"]
     part = rest["energy_part"]
-    still = "" if part is None else f": the last swing released {part:.1g} of what was stored"
+    still = ""
+    if part is not None:
+        still = f": the kinetic energy came to {part:.1g} of what was stored in the last swing"
     if rest["reached_s"] is None:
         return f"not reached{still}; wanted is {rest['wanted']:g}"
     after = milliseconds_text(rest["reached_s"] - stage["start_s"])

@@ -70,8 +70,8 @@ class Stage(SceneModel):
     )
     rest_energy: Annotated[float, Number(1e-4, Range(0.0, 0.1, (0.0,)))] = Field(
         default=1e-4,
-        description="A sheet is at rest whose kinetic energy has a peak below this part of the "
-        "energy stored when the motions of the stage have ended.",
+        description="A sheet is at rest whose kinetic energy stays below this part of the energy "
+        "that was stored when the motions of the stage had ended.",
     )
 
     springback_from: Annotated[
@@ -194,6 +194,12 @@ def completed_stages(scene: Any) -> dict[str, Any]:
             f"is {process.frames}, but the start and the end of each of {len(stages)} stages are "
             f"frames; give at least {len(stages) + 1}",
             field="process.frames",
+        )
+    if scene.wet_forming is not None:
+        raise wrong(
+            "lets resin flow while the sheet is formed, which knows no stages; leave it out, and "
+            "the formed sheet is filled, or form in one process without [[stages]]",
+            field="infiltration.with_forming",
         )
     _require_names(scene)
     _require_motions(scene)
@@ -368,12 +374,6 @@ def _require_motions(scene: Any) -> None:
             raise wrong(
                 _no_such(stage.springback_from, before, "stage before this one"),
                 field=f"{key}.springback_from",
-            )
-        if stage.rest and scene.wet_forming is not None:
-            raise wrong(
-                "stops the sheet and passes time without steps, but resin flows meanwhile "
-                "(infiltration.with_forming); give the stage mass_damping in place of rest",
-                field=f"{key}.rest",
             )
         for entry in (*scene.tools, *scene.grippers):
             if entry.name not in stage.motions:

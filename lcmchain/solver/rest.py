@@ -7,9 +7,10 @@ has to be known or guessed.
 Source: kinetic damping in dynamic relaxation, Cundall (1976); Barnes, "Form finding and analysis of
 tension structures by dynamic relaxation", Int. J. Space Structures 14 (1999).
 
-A peak is what has been released of stored energy since the last stop. The sheet is at rest when a
-peak is below a given part of what was stored when the motions of the stage had ended. What is left
-of its time then passes without steps: nothing moves.
+A peak is what has been released of stored energy since the last stop. One below a given part of
+what was stored when the motions of the stage had ended is none: stopped there, fast vibrations
+would hold slow ones back. The sheet is at rest when there was no peak for as long as the longest
+swing has taken. What is left of its time then passes without steps: nothing moves.
 """
 
 from __future__ import annotations
@@ -27,12 +28,17 @@ from lcmchain.state import (
     REST_LAST,
     REST_PEAK,
     REST_SCALE,
+    REST_STOPPED,
     REST_STOPS,
+    REST_SWING,
     REST_TIME,
     SAMPLES,
     TIME,
     State,
 )
+
+#: Part of its time that a stage takes at least to find that nothing moves.
+LEAST_SWING = 0.02
 
 
 def is_at_rest(model: Model, state: State) -> bool:
@@ -57,17 +63,21 @@ def calm(model: Model, state: State, stored: Callable[[], float]) -> None:
     rest, kinetic = state.rest[model.stage], _kinetic(model, state)
     if rest[REST_SCALE] == 0.0:
         rest[REST_SCALE] = max(stored(), kinetic, energy_floor(model))
-        rest[REST_LAST] = kinetic
-        return
-    if kinetic >= rest[REST_LAST]:
-        rest[REST_LAST] = kinetic
-        return
-    rest[REST_PEAK] = rest[REST_LAST]
-    rest[REST_STOPS] += 1
-    rest[REST_LAST] = 0.0
-    _stop(model, state, stored)
-    if rest[REST_PEAK] <= stage.rest_energy * rest[REST_SCALE] and rest[REST_TIME] == 0.0:
-        rest[REST_TIME] = state.time
+        rest[REST_STOPPED] = state.time
+    largest = stage.rest_energy * rest[REST_SCALE]
+    waited = state.time - rest[REST_STOPPED]
+    last, rest[REST_LAST] = rest[REST_LAST], kinetic
+    rest[REST_PEAK] = max(rest[REST_PEAK], kinetic)
+    if kinetic < last and last > largest:
+        _stop(model, state, stored)
+        rest[REST_STOPS] += 1
+        rest[REST_SWING] = max(rest[REST_SWING], waited)
+        rest[REST_STOPPED], rest[REST_LAST], rest[REST_PEAK] = state.time, 0.0, 0.0
+    elif rest[REST_PEAK] <= largest and rest[REST_TIME] == 0.0:
+        least = LEAST_SWING * (stage.end - stage.start)
+        if waited >= max(rest[REST_SWING], least):
+            _stop(model, state, stored)
+            rest[REST_TIME] = state.time
 
 
 def _kinetic(model: Model, state: State) -> float:

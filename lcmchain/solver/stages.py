@@ -20,7 +20,9 @@ from lcmchain.quantities.places import millimetres
 from lcmchain.solver.guards import when
 from lcmchain.stages import StageTables
 from lcmchain.state import (
+    CONTACT,
     EXTERNAL,
+    KINETIC,
     PACE,
     PLY_REFRESH,
     STAGE,
@@ -64,7 +66,7 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
     before, now = model.stages[model.stage], model.stages[number]
     overlap = _overlap_of_newcomers(model, state, before, now)
     for tool in np.flatnonzero(before.tools_at_work & ~now.tools_at_work).tolist():
-        state.work[EXTERNAL] -= _take_contact_away(model, state, tool)
+        _take_away(state, CONTACT, _take_contact_away(model, state, tool))
     _hold_guided(before, now, state)
     state.tool_start[:, START_TRAVEL] = state.tool_travel
     state.tool_start[:, START_OVERLAP] = overlap
@@ -77,6 +79,7 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
         if (data.interface != before.ply_contact.data.interface).any():
             given = change_interfaces(data, now.ply_contact.laws, arrays, state.last_step)
             state.work[PLY_REFRESH] -= given
+            state.work[CONTACT] += given
             state.ply_acts[:] = 1
             state.ply_counters[STEPS_LEFT] = 0
     if now.pace is None:
@@ -85,6 +88,15 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
         state.mean_velocity[:] = 0.0
     state.counters[STAGE] = number
     return model.in_stage(number, state)
+
+
+def _take_away(state: State, column: int, energy: float) -> None:
+    """Take an energy [J] out of the sheets' and tools', as work of the outside.
+
+    column : of ``State.work`` that holds it since the last step, which the next one makes anew.
+    """
+    state.work[EXTERNAL] -= energy
+    state.work[column] -= energy
 
 
 def _overlap_of_newcomers(
@@ -149,7 +161,7 @@ def _hold_guided(before: StageTables, now: StageTables, state: State) -> None:
     ended = (before.tools.motion_kind == GUIDED) & (now.tools.motion_kind != GUIDED)
     for tool in np.flatnonzero(ended & (state.driven == 0)).tolist():
         velocity = float(state.tool_velocity[tool])
-        state.work[EXTERNAL] -= 0.5 * float(before.tools.mass[tool]) * velocity**2
+        _take_away(state, KINETIC, 0.5 * float(before.tools.mass[tool]) * velocity**2)
         state.tool_velocity[tool] = 0.0
 
 
