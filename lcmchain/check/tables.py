@@ -241,7 +241,7 @@ def stage_table(scene: Scene) -> list[Table]:
     if not scene.stages:
         return []
     table = _table("Stages", "stage", "time", "at work", "motions", "damping")
-    others = (*scene.tools, *scene.grippers, *scene.pressure)
+    others: tuple[Any, ...] = (*scene.tools, *scene.grippers, *scene.pressure)
     for stage, plan in zip(scene.stages, scene.stage_plans(), strict=True):
         time = milliseconds_text(stage.time)
         if stage.time_is_found:

@@ -306,6 +306,7 @@ def _found_text(scene: Scene, key: str) -> str:
     process = scene.process
     found = {
         "process.time": f"{process.time:.4g} s",
+        **{f"stages.{s.name}.time": f"{s.time:.4g} s" for s in scene.stages if s.time_is_found},
         "process.mass_damping": f"{process.mass_damping:.4g} 1/s",
         "process.damping_average": f"{process.damping_average:.4g} s",
     }

@@ -50,8 +50,9 @@ class Stage(SceneModel):
     """A stage of the process: its time, and what moves in it."""
 
     name: Annotated[str, Name("close")] = Field(description="Name in results and messages.")
-    time: Annotated[PositiveTime | None, AbsentMeans(FOUND_TIME)] = Field(
-        default=None,
+    time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
+        default=None,  # type: ignore[assignment]  # filled in before anybody reads it
+        validate_default=False,
         description="How long it takes. Left out where a stroke leads the sheet, it is found as "
         "process.time is.",
     )

@@ -248,7 +248,8 @@ class Simulation:
             "energies": self.energy,
         }
         if (plies := self.model.ply_contact) is not None:
-            if len({own.ply_contact.data.interface.tobytes() for own in self.model.stages}) > 1:
+            of_stages = [own.ply_contact for own in self.model.stages if own.ply_contact]
+            if len({own.data.interface.tobytes() for own in of_stages}) > 1:
                 calls["interfaces of stages"] = lambda: change_interfaces(
                     plies.data, plies.laws, self._arrays, 0.0
                 )
