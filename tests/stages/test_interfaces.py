@@ -15,7 +15,7 @@ MS = 1e-3
 # Two plies pressed together; the upper one is drawn over the lower one, and tied before it goes on.
 STACK = """
 process = { frames = 4 }
-layup = "[0/0]"
+layup = "[0/90, 0/90]"
 blank = { size = ["40 mm", "20 mm"], edge_length = "10 mm" }
 material = { preset = "MD600" }
 contact = { depth = "free" }
@@ -27,7 +27,7 @@ stages = ["slide"]
 [[interfaces]]
 stages = ["tied"]
 laws = [
-    { type = "shear_by_points", slip = "0.005 1 mm", stress = "0.5 100 MPa", distance = "0.1 mm" },
+    { type = "shear_by_points", slip = "0.005 1 mm", stress = "0.1 0.2 MPa", distance = "0.1 mm" },
 ]
 
 [[tools]]
@@ -88,9 +88,8 @@ def test_an_entry_that_goes_on_keeps_its_number():
     assert slide.data.interface.max() == 0 and tied.data.interface.max() == 1
     assert slide.laws is tied.laws and slide.data.interface_count == 2
     assert tied.data.near.max() == pytest.approx(0.1e-3) and not slide.data.near.any()
-    on = STACK.replace('stages = ["slide"]', "").replace('stages = ["tied"]\nlaws', "itself = true"
-                       '\nstages = []\nlaws')  # fmt: skip
-    on = on.partition("[[interfaces]]\nitself")[0] + "[[tools]]" + STACK.partition("[[tools]]")[2]
+    head, _, rest = STACK.partition("[[interfaces]]")
+    on = f"{head}[[interfaces]]\nfriction = 0.2\n[[tools]]{rest.partition('[[tools]]')[2]}"
     first, second = (stage.ply_contact.data for stage in build_model(scene_from_text(on)).stages)
     assert first.interface_count == 1 and np.array_equal(first.interface, second.interface)
 
