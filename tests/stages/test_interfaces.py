@@ -33,12 +33,12 @@ laws = [
 [[tools]]
 name = "lower"
 shape = { type = "plate", side = "below" }
-position = "0 0 -1.002 mm"
+position = "0 0 -0.502 mm"
 
 [[tools]]
 name = "upper"
 shape = { type = "plate", side = "above" }
-position = "0 0 1.004 mm"
+position = "0 0 1.506 mm"
 
 [[grippers]]
 name = "held"
