@@ -11,6 +11,7 @@ import numpy as np
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
 from lcmchain.fields.sheet import face_normals, families_of, vector
+from lcmchain.fields.stages import with_stages
 from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.permeability import Permeability
@@ -35,7 +36,7 @@ def forming_datasets(
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
     histories = Histories.from_state(model, simulation.state)
     datasets = model_datasets(scene, model, frames, histories, attributes={"state": state})
-    return with_permeability(scene, datasets)
+    return with_permeability(scene, with_stages(scene, datasets))
 
 
 def with_permeability(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:

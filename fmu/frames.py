@@ -6,6 +6,8 @@ import os
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
@@ -21,12 +23,21 @@ def with_present(
     frames: tuple[Snapshot, ...], simulation: Simulation, scene: Scene, *, last: bool = False
 ) -> tuple[Snapshot, ...]:
     """Append the present if a frame interval of the scene has passed, or if it is the last one."""
-    interval = scene.process.time / (scene.process.frames - 1)
     if frames:
         waited = simulation.time - frames[-1].time
+        interval = _interval_after(frames[-1].time, scene)
         if waited <= 0.0 or (not last and waited < interval * (1.0 - TIME_TOLERANCE)):
             return frames
     return (*frames, simulation.snapshot())
+
+
+def _interval_after(time: float, scene: Scene) -> float:
+    """Return the time from a frame [s] to the next one of the scene: that of a stage at its end."""
+    if not scene.stages:
+        return scene.process.time / (scene.process.frames - 1)
+    times = scene.frame_times
+    after = np.searchsorted(times, time + TIME_TOLERANCE * scene.process.time)
+    return float(times[min(int(after), len(times) - 1)]) - time
 
 
 def require_writable(folder: Path) -> None:

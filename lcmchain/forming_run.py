@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from lcmchain.errors import SimulationInterrupted
 from lcmchain.fingerprint import Fingerprint
 from lcmchain.scene import Scene
@@ -81,7 +79,6 @@ class FormingRun:
 
     def complete(self, checkpoint: Checkpoint | None = None) -> list[Snapshot]:
         """Advance to the end of the process and return the saved frames."""
-        process = self.scene.process
         self._started = self._saved = time.perf_counter()
         if checkpoint is not None:
             self.simulation.restore(checkpoint.state)
@@ -96,7 +93,7 @@ class FormingRun:
             if self.companion is not None:
                 self.companion.keep_frame()
         mover = self.companion or self.simulation
-        times = np.linspace(0.0, process.time, process.frames)
+        times = self.scene.frame_times
         with stop_requests() as self._stop:
             for frame_time in times[len(self.snapshots) :]:
                 mover.advance_to(float(frame_time), self._after_chunk)
@@ -108,7 +105,9 @@ class FormingRun:
         return self.snapshots
 
     def _after_chunk(self, simulation: Simulation) -> None:
-        text = f"forming, step {simulation.state.step_count:,}"
+        stage = simulation.model.present_stage
+        what = "forming" if stage is None else f"forming, {stage.name}"
+        text = f"{what}, step {simulation.state.step_count:,}"
         self.report(simulation.time, self.scene.process.time, text)
         simulation.require_resolved()
         if self._stop.is_set():

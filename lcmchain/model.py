@@ -32,7 +32,7 @@ from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError
-from lcmchain.interfaces.surfaces import PlyContact, build_interfaces
+from lcmchain.interfaces.surfaces import PlyContact, interfaces_of_stages
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
@@ -40,6 +40,8 @@ from lcmchain.mesh.cells import by_node
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.scene.found_time import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.plies import RESERVED_NAMES
+from lcmchain.scene.stages import StagePlan
+from lcmchain.stages import StageTables, stage_tables
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.span_rows import NODE_CHUNK
@@ -139,6 +141,9 @@ class Model:
     face_pressure : on the faces of the sheets, or None.
     ply_contact : which sheets touch each other and how, or None.
     grips : the grippers of the scene on their nodes; ``grippers`` those that pull, for the loop.
+    stages : of the process, in their order; none where it has one. The tables above are then those
+        of the stage with the number ``stage``; ``over_all_stages`` is the model with which a run
+        begins, whose tools have their course over all stages.
     corner_force_size : corner forces of all bodies, those of the fibres' bending, then zeros for
         nodes with fewer elements.
     """
@@ -167,6 +172,23 @@ class Model:
     step_safety: float
     history_interval: float
     pore_columns: PoreColumns | None = None
+    stages: tuple[StageTables, ...] = ()
+    stage: int = 0
+    over_all_stages: Model | None = None
+
+    @property
+    def whole(self) -> Model:
+        """The model over all stages, for what tells of a whole run."""
+        return self.over_all_stages or self
+
+    @property
+    def present_stage(self) -> StageTables | None:
+        """The present stage, None where the process has one."""
+        return self.stages[self.stage] if self.stages else None
+
+    def in_stage(self, number: int, state: Any) -> Model:
+        """Return the model in a stage, of which the state says where it began."""
+        return self.stages[number].model(self, number, self.whole, state)
 
     @property
     def sample_count(self) -> int:
@@ -335,6 +357,11 @@ def build_model(
         contact=scene.contact,
         process=scene.process,
         interfaces=stack.interfaces(scene.interfaces),
+        stages=scene.stage_plans(),
+        interfaces_by_stage=[
+            stack.interfaces([entry for entry, works in zip(scene.interfaces, own) if works])
+            for own in (plan.interfaces for plan in scene.stage_plans())
+        ],
         supports=_supports_of(sheets, supports),
         history_interval=scene.history_interval,
         face_pressures=scene.pressure,
@@ -388,6 +415,8 @@ def assemble_bodies(
     grippers: Sequence[Gripper] = (),
     pore_pressure: bool = False,
     finds_pace: bool = False,
+    stages: Sequence[StagePlan] = (),
+    interfaces_by_stage: Sequence[Sequence[Interface]] = (),
 ) -> Model:
     """Build the model of sheets that share tools and time, and touch where interfaces say so.
 
@@ -404,6 +433,7 @@ def assemble_bodies(
     pore_pressure : as for :func:`build_model`.
     finds_pace : whether the pace follows the energies; the process then takes other times than
         ``process.time``, which is that at pace 1.
+    stages : of the process; ``interfaces_by_stage`` is then what is between sheets in each of them.
 
     Raises
     ------
@@ -452,7 +482,7 @@ def assemble_bodies(
     materials = [body.material for body in bodies]
     gap = math.inf
     if contact.penalty is None or len(bodies) > 1:  # else it decides nothing
-        gap = gap_left(tools, [body.mesh for body in bodies], float(process.time))
+        gap = gap_left(tools, [body.mesh for body in bodies], float(process.time), stages)
     pressure = build_face_pressure(face_pressures, bodies, order, float(process.time))
     expected = 0.0
     if len(bodies) > 1:
@@ -463,23 +493,22 @@ def assemble_bodies(
     if contact.penalty is None or interfaces:
         penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
     penalty = min(penalties) if contact.penalty is None else contact.penalty
-    depth_time, depth_stiffening = depth_control(
-        contact,
-        tools,
-        gap,
-        materials,
-        float(process.time),
-        2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min()),
-    )
+    depth_rate = 2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min())
+
+    def depths(time: float) -> tuple[float | None, float]:
+        return depth_control(contact, tools, gap, materials, time, depth_rate)
+
+    depth_time, depth_stiffening = depths(float(process.time))
+    contacts = interfaces_of_stages(interfaces_by_stage or [interfaces], bodies, penalties)
     force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
-    return Model(
+    model = Model(
         bodies=tuple(bodies),
         interfaces=tuple(interfaces),
         placed=placed,
         fibre_bending=fibre_bending,
         pore=pressed_elements(bodies, order, key="pore pressure") if pore_pressure else None,
         face_pressure=pressure,
-        ply_contact=build_interfaces(interfaces, bodies, penalties),
+        ply_contact=contacts[0] if contacts else None,
         corner_force_size=last_force + 2 * LANES + 1,
         nodes=NodeData(
             force_slot=force_slot,
@@ -520,6 +549,21 @@ def assemble_bodies(
         frame_count=int(process.frames),
         step_safety=float(process.step_safety),
         history_interval=float(history_interval),
+    )
+    if not stages:
+        return model
+    return replace(
+        model,
+        stages=stage_tables(
+            model,
+            stages,
+            contacts,
+            grippers=grippers,
+            supports=supports,
+            pressures=face_pressures,
+            quasi_static=float(process.quasi_static),
+            depth_time=lambda time: depths(time)[0],
+        ),
     )
 
 

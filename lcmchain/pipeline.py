@@ -140,7 +140,7 @@ class _Job:
 
     def effects(self) -> list[Effect]:
         """What is simulated, and why."""
-        return run_effects(self.scene, self.simulation.model)
+        return run_effects(self.scene, self.simulation.model.whole)
 
     def build(self) -> None:
         """Build the model: what is wrong with the input is found here."""

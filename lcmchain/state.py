@@ -53,10 +53,26 @@ CONTROLLING_PART = 3  # what governs it there, a code of the element's family
 HALVINGS = 4  # of the step, see lcmchain.solver.recovery
 RENEWED = 5  # chunks of steps since the elements' shared curvature was renewed
 SAMPLES = 6  # rows of ``State.samples`` that are filled
-COUNTERS = 7
+STAGE = 7  # number of the present stage of the process
+COUNTERS = 8
 
 # How often a run may halve its step to get over a value that is not a number.
 MOST_HALVINGS = 3
+
+# Entries of ``State.tool_start``.
+START_TRAVEL = 0  # when the present stage began [m]
+START_OVERLAP = 1  # depth up to which a node exerts no force [m], see tools/initial_overlap.py
+START_ENTRIES = 2
+
+# Entries of ``State.rest``, of a stage that ends at rest (:mod:`lcmchain.solver.rest`).
+REST_SCALE = 0  # energy that the motion is compared with [J]; 0 before the motions have ended
+REST_LAST = 1  # kinetic energy after the last chunk of steps [J]
+REST_PEAK = 2  # largest one since the last stop [J]
+REST_TIME = 3  # when the sheet was at rest [s]; 0 before
+REST_STOPS = 4  # how often it was stopped at a peak
+REST_STOPPED = 5  # when it was stopped last [s]
+REST_SWING = 6  # longest time from a stop to the next one [s]
+REST_ENTRIES = 7
 
 # Entries of ``State.tool_peak``.
 PEAK_FORCE = 0  # [N]
@@ -115,6 +131,10 @@ def sizes(model: Model) -> dict[str, int]:
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
         "supported node": 0 if model.supports is None else model.node_count,
+        "tool start": START_ENTRIES,
+        "stage": len(model.stages),
+        "rest": REST_ENTRIES,
+        "gripped again": model.node_count if model.stages and model.supports is not None else 0,
         "gripper": 0 if model.grippers is None else model.grippers.force.size,
         "work": WORK_COLUMNS,
         "clock": CLOCK_ENTRIES,
@@ -232,6 +252,15 @@ class State(_Arrays):
         meaning="whether the travel follows the input instead of the scene's motion",
         dtype=np.int64,
     )
+    tool_start: np.ndarray = entry(
+        "tool",
+        "tool start",
+        unit="m",
+        meaning="when the present stage began, see the entries above",
+    )
+    rest: np.ndarray = entry(
+        "stage", "rest", unit="J, s", meaning="of every stage, see the entries above"
+    )
     tool_force: np.ndarray = entry(
         "tool",
         "xyz",
@@ -324,14 +353,26 @@ class State(_Arrays):
     free: np.ndarray = entry(
         "xyz", "supported node", unit="1", meaning="1 where a component is free, 0 where it is held"
     )
+    gripped_at: np.ndarray = entry(
+        "xyz",
+        "gripped again",
+        unit="m",
+        meaning="where a node that is held was when the present stage began",
+    )
     gripper_force: np.ndarray = entry(
         "gripper", "xyz", unit="N", meaning="of the gripper on the sheet at the last step"
+    )
+    gripper_start: np.ndarray = entry(
+        "gripper", "xyz", unit="m", meaning="travel of its place when the gripper came to work"
     )
     gripper_impulse: np.ndarray = entry(
         "gripper", "xyz", unit="N s", meaning="integral of the gripper force over time"
     )
     gripper_travel: np.ndarray = entry(
-        "gripper", "xyz", unit="m", meaning="of the place that is gripped, at the last step"
+        "gripper",
+        "xyz",
+        unit="m",
+        meaning="of the place that is gripped since it came to work, at the last step",
     )
     gripper_work: np.ndarray = entry("gripper", unit="J", meaning="of the gripper on the sheet")
     gripper_let_go: np.ndarray = entry(
@@ -358,6 +399,7 @@ class State(_Arrays):
         state.support_let_go[:] = state.gripper_let_go[:] = np.inf
         if model.nodes.free is not None:
             state.free[:] = model.nodes.free
+        state.tool_start[:, START_OVERLAP] = model.tools.initial_overlap
         return state
 
     @classmethod

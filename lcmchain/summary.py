@@ -96,6 +96,7 @@ def run_summary(
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
     from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
+    from lcmchain.fields.stages import rest_warnings, stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
 
     model, state = simulation.model, simulation.state
@@ -123,12 +124,13 @@ def run_summary(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
         ),
         **_penalty_needed(model, state),
+        **stage_summary(model, state, datasets),
         **hidden_compaction(model, snapshots),
         "step_control": dict(simulation.control.history),
         "step_halvings": int(state.counters[HALVINGS]),
         **added_mass(model),
         **fibre_strain_measures(datasets["/"], scene),
-        "effects": [effect.name for effect in run_effects(scene, model) if effect.active],
+        "effects": [effect.name for effect in run_effects(scene, model.whole) if effect.active],
         "effects_switched": {switched.key: switched.setting for switched in scene.switched},
     }
     found = [
@@ -141,6 +143,7 @@ def run_summary(
         *quasi_static_warnings(measures, scene, needed),
         *snap_warnings(summary.get("tool_loads", {}), scene),
         *fibre_strain_warnings(summary),
+        *rest_warnings(summary),
     ]
     in_own_words = [scene.stack.in_own_words(text) for text in found]
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
@@ -172,9 +175,10 @@ def _grippers(history: xr.Dataset) -> dict[str, Any]:
 
 def _pace(model: Model, state: State) -> dict[str, Any]:
     """Return what was found for a process without a time."""
-    if model.pace is None:
+    pace = model.whole.pace
+    if pace is None:
         return {}
-    found = {"fastest_time_s": model.pace.time, "sheet_time_s": float(state.clock[SHEET_TIME])}
+    found = {"fastest_time_s": pace.time, "sheet_time_s": float(state.clock[SHEET_TIME])}
     return {"pace": found}
 
 

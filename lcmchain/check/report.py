@@ -27,6 +27,7 @@ from lcmchain.check.tables import (
     process_time_table,
     scene_tables,
     stack_tables,
+    stage_table,
     surface_table,
 )
 from lcmchain.check.tools_at_start import (
@@ -74,6 +75,7 @@ class CheckReport:
         """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
             *stack_tables(self.scene, self.ply_counts),
+            *stage_table(self.scene),
             *gap_table(self.gaps, self.scene.stack.least_thickness, self.initial_overlap),
             *closing_table(self.closing, self.scene),
             cost_table(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from lcmchain.check.tools_closing import Closing
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.fabrics import Basis, preset_basis
+from lcmchain.scene.stages import at_work
 from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.surface import Orientation
@@ -233,6 +234,41 @@ def _turned(orientation: Orientation) -> str:
         (orientation.with_part, "with their part"),
     )
     return ", ".join(f"{count:,} {how}" for count, how in counts if count) or "none"
+
+
+def stage_table(scene: Scene) -> list[Table]:
+    """Stages of the process in their order: time, what is at work, and what moves how."""
+    if not scene.stages:
+        return []
+    table = _table("Stages", "stage", "time", "at work", "motions", "damping")
+    others: tuple[Any, ...] = (*scene.tools, *scene.grippers, *scene.pressure)
+    for stage, plan in zip(scene.stages, scene.stage_plans(), strict=True):
+        time = milliseconds_text(stage.time)
+        if stage.time_is_found:
+            time = f"found: {time} at the fastest"
+        elif stage.rest:
+            time = f"until rest, at most {time}"
+        damping = "stopped at peaks of the kinetic energy"
+        if not stage.rest:
+            damping = f"{plan.mass_damping:.4g} 1/s"
+        table.add_row(
+            _text(stage.name),
+            time,
+            _text(", ".join(entry.name for entry in others if at_work(entry, stage)) or "nothing"),
+            _text(", ".join(_motion_in_words(*item) for item in stage.motions.items()) or "none"),
+            damping,
+        )
+    return [table]
+
+
+def _motion_in_words(name: str, motion: Any) -> str:
+    way = getattr(motion, "distance", None)
+    if way is None and hasattr(motion, "travel"):
+        way = motion.travel[-1]
+    if way is not None:
+        return f"{name} {1e3 * way:.4g} mm"
+    load = getattr(motion, "load", None)
+    return f"{name} {motion.type}" + ("" if load is None else f" with {load:.4g} N")
 
 
 def cost_table(

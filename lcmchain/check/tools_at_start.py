@@ -14,6 +14,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Scene, Tool
 from lcmchain.scene.plies import PlySettings
+from lcmchain.scene.stages import at_work
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.exact_distance import ExactDistance
@@ -154,9 +155,20 @@ def require_no_initial_overlap(
 
 
 def overlapping(gaps: Sequence[InitialGap], scene: Scene) -> list[InitialGap]:
-    """Return the gaps of the tools that reach into the blank deeper than counts as a touch."""
+    """Return the gaps of the tools that reach into the blank deeper than counts as a touch.
+
+    Of a process with stages those of the first one: a run looks at others when they come to work.
+    """
     tolerance = OVERLAP_TOLERANCE * scene.stack.least_thickness
-    return [gap for gap in gaps if not min(gap.gap, gap.at_nodes) >= -tolerance]
+    working = {tool.name for tool in scene.tools if _works_first(scene, tool)}
+    return [
+        gap for gap in gaps if gap.tool in working and not min(gap.gap, gap.at_nodes) >= -tolerance
+    ]
+
+
+def _works_first(scene: Scene, tool: Tool) -> bool:
+    """Tell whether a tool is at work when the process begins."""
+    return not scene.stages or at_work(tool, scene.stages[0])
 
 
 def require_gaps(gaps: Sequence[InitialGap], scene: Scene) -> None:

@@ -62,9 +62,21 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     for one, other in combinations(led, 2):
         moves = scene.tools[one].motion.moves or scene.tools[other].motion.moves
         if moves and sides[one] * sides[other] <= 0:
-            closing = Closing((one, other), closest_gaps(tools, (one, other), places, times))
-            if np.isfinite(closing.closest.gap):
+            own = times[_together(model, one, other, times)]
+            closing = Closing((one, other), closest_gaps(tools, (one, other), places, own))
+            if own.size and np.isfinite(closing.closest.gap):
                 found.append(closing)
+    return found
+
+
+def _together(model: Model, one: int, other: int, times: np.ndarray) -> np.ndarray:
+    """Return at which times [s] two tools are at work together; without stages at all."""
+    if not model.stages:
+        return np.ones(len(times), dtype=bool)
+    found = np.zeros(len(times), dtype=bool)
+    for stage in model.stages:
+        if stage.tools_at_work[one] and stage.tools_at_work[other]:
+            found |= (times >= stage.start) & (times <= stage.end)
     return found
 
 

@@ -93,15 +93,31 @@ def depth_control(
     return time, min(stiffening_of(material) for material in materials)
 
 
-def gap_left(tools: Any, meshes: Sequence[Any], process_time: float) -> float:
+def gap_left(
+    tools: Any, meshes: Sequence[Any], process_time: float, stages: Sequence[Any] = ()
+) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
     Infinite with a guided tool, fewer than two tools, or no time.
+
+    stages : of the process (:class:`lcmchain.scene.stages.StagePlan`): only tools that are at work
+        in one of them together leave a gap, and a guided one says nothing of those without it.
     """
-    guided = bool((tools.motion_kind == GUIDED).any())
-    if guided or tools.kind.size < 2 or not math.isfinite(process_time):
+    if tools.kind.size < 2 or not math.isfinite(process_time):
         return math.inf
-    return closest_gap(tools, places_of_sheet(meshes), process_time)
+    guided = tools.motion_kind == GUIDED
+    if not stages:
+        if guided.any():
+            return math.inf
+        return closest_gap(tools, places_of_sheet(meshes), process_time)
+    places, times = places_of_sheet(meshes), times_of_motion(tools, process_time, TIMES)
+    least = math.inf
+    for plan in stages:
+        own = np.unique(np.clip(times, plan.start, plan.end))
+        working = np.flatnonzero(np.array(plan.tools)).tolist()
+        if not guided[working].any():
+            least = min(least, _least_gap(tools, working, places, own))
+    return least
 
 
 def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
@@ -140,10 +156,18 @@ def closest_gap(tools: Any, places: np.ndarray, process_time: float) -> float:
     places : of the flat sheet (count, 3) [m].
     """
     times = times_of_motion(tools, process_time, TIMES)
+    return _least_gap(tools, range(tools.kind.size), places, times)
+
+
+def _least_gap(tools: Any, chosen: Sequence[int], places: np.ndarray, times: np.ndarray) -> float:
+    """Return the smallest gap [m] between any two of some tools at some times [s]."""
     return min(
-        closest.gap
-        for pair in combinations(range(tools.kind.size), 2)
-        for closest in closest_gaps(tools, pair, places, times)
+        (
+            closest.gap
+            for pair in combinations(chosen, 2)
+            for closest in closest_gaps(tools, pair, places, times)
+        ),
+        default=math.inf,
     )
 
 

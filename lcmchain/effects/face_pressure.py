@@ -34,6 +34,7 @@ from lcmchain.elements.pressed_elements import (
 )
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, routine
+from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.tools.motion.smooth_step import smooth_step
@@ -49,6 +50,7 @@ class PressureOnFace(SceneModel):
     """Pressure on a face of the sheet, positive where it presses on it, relative to the air's."""
 
     name: Annotated[str, Name("bag")] = Field(description="Name in results and messages.")
+    stages: AtWork = Field(default=None, description=AT_WORK)
     face: Literal["top", "bottom", "both"] = Field(description="Face that the pressure acts on.")
     value: Annotated[Pressure | None, AbsentMeans("")] = Field(
         default=None, description="Constant pressure; give this or a table."
@@ -140,18 +142,22 @@ def build_face_pressure(
     """
     if not entries:
         return None
-    tables = [entry.table(process_time) for entry in entries]
-    times = np.unique(np.concatenate([own for own, _ in tables]))
+    tables = [(entry.face, *entry.table(process_time)) for entry in entries]
+    return summed_pressures(pressed_elements(bodies, order, key="pressure"), tables)
+
+
+def summed_pressures(
+    elements: PressedElements, tables: Sequence[tuple[str, np.ndarray, np.ndarray]]
+) -> FacePressure:
+    """Return the sum of pressures, each with its face, times [s] and values [Pa]."""
+    times = np.unique(np.concatenate([own for _, own, _ in tables])) if tables else np.zeros(1)
     sums = {
         side: sum(
-            np.interp(times, *table)
-            for entry, table in zip(entries, tables, strict=True)
-            if entry.face in (side, "both")
+            np.interp(times, own, values) for face, own, values in tables if face in (side, "both")
         )
         + np.zeros_like(times)
         for side in ("bottom", "top")
     }
-    elements = pressed_elements(bodies, order, key="pressure")
     return FacePressure(elements, times, sums["bottom"], sums["top"])
 
 

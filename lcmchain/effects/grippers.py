@@ -33,6 +33,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.places import Places, place_text
 from lcmchain.mesh.rim import outward, pieces_along
 from lcmchain.mesh.where import NamedPlace
+from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Direction,
@@ -68,6 +69,7 @@ class Gripper(NamedPlace):
     """A place of the blank that is held, led, or pulled at."""
 
     name: Annotated[str, Name("left")] = Field(description="Name in results and messages.")
+    stages: AtWork = Field(default=None, description=AT_WORK)
     ply: Annotated[Annotated[str, Name("bottom")] | None, AbsentMeans("all that are there")] = (
         Field(default=None, description="The ply that is gripped.")
     )
@@ -251,7 +253,8 @@ class GripperTable(NamedTuple):
         where those of each chunk of nodes begin in ``order``.
     place : (G, 3) means at the start [m]. toward : (G, 3) unit vectors of pulls in a fixed
         direction, else 0; anchor : (G, 3) [m]; distance : (G,) from it at the start [m], 0 without.
-    force, stiffness, largest : (G,) [N], [N/m], [N]. ramp : [s].
+    force, stiffness, largest : (G,) [N], [N/m], [N]. begin, ramp : (G,) time at which the force
+        begins to come on, and over which it does [s].
     release_time, release_force, release_travel : (G,) [s], [N], [m], infinite where never.
     coupling : (G, G) Σ w_gi w_hi / m_i of every two [1/kg].
     """
@@ -269,7 +272,8 @@ class GripperTable(NamedTuple):
     force: np.ndarray
     stiffness: np.ndarray
     largest: np.ndarray
-    ramp: float
+    begin: np.ndarray
+    ramp: np.ndarray
     release_time: np.ndarray
     release_force: np.ndarray
     release_travel: np.ndarray
@@ -424,7 +428,8 @@ def gripper_table(
         force=np.array([entry.force or 0.0 for entry in entries]),
         stiffness=np.array([entry.stiffness or 0.0 for entry in entries]),
         largest=np.array([_or_never(entry.largest_force) for entry in entries]),
-        ramp=RAMP_PART * process_time,
+        begin=np.zeros(len(grips)),
+        ramp=np.full(len(grips), RAMP_PART * process_time),
         release_time=np.array([_or_never(entry.release_time) for entry in entries]),
         release_force=np.array([_or_never(entry.release_force) for entry in entries]),
         release_travel=np.array([_or_never(entry.release_travel) for entry in entries]),

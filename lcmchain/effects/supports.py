@@ -55,7 +55,7 @@ class SupportTable(NamedTuple):
     """Supports as arrays.
 
     node, group : (n,) int32; anchor : (3, n) positions X [m] in the reference.
-    interval : time between two values of the motions [s].
+    start, interval : time of the first value of the motions, and between two of them [s].
     affine, slope : (group_count, TABLE_SIZE, 3, 4) [A | b] and its derivative over the interval.
     release_time, release_force : (group_count,) [s], [N], infinite where never.
     """
@@ -63,6 +63,7 @@ class SupportTable(NamedTuple):
     node: np.ndarray
     group: np.ndarray
     anchor: np.ndarray
+    start: float
     interval: float
     affine: np.ndarray
     slope: np.ndarray
@@ -118,6 +119,7 @@ def build_supports(
         node=node.astype(np.int32),
         group=owner[node].astype(np.int32),
         anchor=np.ascontiguousarray(positions[node].T),
+        start=0.0,
         interval=process_time / (TABLE_SIZE - 1),
         affine=affine,
         slope=slope,

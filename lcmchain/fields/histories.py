@@ -75,7 +75,7 @@ class Histories:
             energies.discard("viscous")
         return cls(
             time=common["time"],
-            sheet_time=None if model.pace is None else common["sheet_time"],
+            sheet_time=None if model.whole.pace is None else common["sheet_time"],
             tool_travel=tools["travel"],
             tool_force=np.diff(impulse, axis=0, prepend=0.0) / length,
             tool_peak_force=tools["peak_force"],

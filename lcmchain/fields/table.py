@@ -335,6 +335,15 @@ _FIELDS = (
         "a tool has the tool's shape",
     ),
     Field(
+        "springback",
+        "m",
+        "springback",
+        NODE,
+        "distance from where the node was at the end of the stage that stages.springback_from "
+        "names, without the motion of the sheet as a whole: the best fit of both shapes is taken "
+        "off; 0 before",
+    ),
+    Field(
         "displacement",
         "m",
         "displacement",

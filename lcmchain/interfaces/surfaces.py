@@ -161,9 +161,24 @@ def build_interfaces(
     InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
         plies that overlap at the start by more than half a thickness.
     """
-    interface, entries = _interfaces(interfaces, [body.name for body in bodies])
+    found = interfaces_of_stages([interfaces], bodies, automatic_penalties)
+    return found[0] if found else None
+
+
+def interfaces_of_stages(
+    stages: Sequence[Sequence[Interface]],
+    bodies: Sequence[Any],
+    automatic_penalties: Sequence[float],
+) -> list[PlyContact]:
+    """Return the contact between plies in every stage; nothing where none ever touch.
+
+    All stages have the same laws and interfaces; they differ in which interface two plies have, and
+    what follows from it. Parameters and errors are those of :func:`build_interfaces`.
+    """
+    of_stages, entries = _interfaces(stages, [body.name for body in bodies])
+    interface = of_stages[0]
     if not entries:
-        return None
+        return []
     for body in bodies:
         if not body.mesh.has_thickness or body.contact_offset != 0.0:
             raise InputError(
@@ -198,9 +213,7 @@ def build_interfaces(
     thickness = np.array([body.mesh.thickness for body in bodies])
     depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
     reaches = np.array([max((law.reach() for law in own), default=0.0) for own in tables])
-    near = np.where(interface == NONE, 0.0, np.append(reaches, 0.0)[interface])
-    # points are found before they touch, and before a law acts on them
-    far = np.maximum(2.0 * depth, REACH_MARGIN * near)
+    near, far = _reaches_of_pairs(interface, reaches, depth)
     slopes = np.array([max((law.stiffness() for law in own), default=0.0) for own in tables])
     viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
     stiffer = np.maximum(slopes / penalties, 1.0)
@@ -245,8 +258,28 @@ def build_interfaces(
         depth_left=DEPTH_LEFT,
         stiffening=min(stiffening_of(body.material) for body in bodies),
     )
-    _require_apart(data, position, [body.name for body in bodies])
-    return PlyContact(data, laws)
+    found = []
+    for pairs in of_stages:
+        near, far = _reaches_of_pairs(pairs, reaches, depth)
+        own = data._replace(
+            interface=pairs, near=near, far=far, reach=float(far.max()),
+            depth_time=_depth_times(damping_time * penalties, pairs, bodies),
+        )  # fmt: skip
+        found.append(PlyContact(own, laws))
+    _require_apart(found[0].data, position, [body.name for body in bodies])
+    return found
+
+
+def _reaches_of_pairs(
+    interface: np.ndarray, reaches: np.ndarray, depth: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return up to which gap laws act and points are found (ply_count, ply_count) each [m].
+
+    interface : of every pair, -1 without. reaches : of each interface [m]. depth : of every pair.
+    """
+    near = np.where(interface == NONE, 0.0, np.append(reaches, 0.0)[interface])
+    # points are found before they touch, and before a law acts on them
+    return near, np.maximum(2.0 * depth, REACH_MARGIN * near)
 
 
 def _gathered(tables: Sequence[Sequence[Any]]) -> tuple[Any, ...]:
@@ -346,11 +379,22 @@ def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float
 
 
 def _interfaces(
-    interfaces: Sequence[Interface], names: Sequence[str]
-) -> tuple[np.ndarray, list[tuple[Interface, int, int]]]:
-    """Return the interface of every pair of plies, and of each its table and the two plies."""
-    law = np.full((len(names), len(names)), NONE, dtype=np.int32)
+    stages: Sequence[Sequence[Interface]], names: Sequence[str]
+) -> tuple[list[np.ndarray], list[tuple[Interface, int, int]]]:
+    """Return the interface of every pair of plies in every stage, and what each of them is.
+
+    That is its table and the two plies. An entry that goes on in the next stage keeps its number.
+    """
     entries: list[tuple[Interface, int, int]] = []
+    return [_of_pairs(interfaces, names, entries) for interfaces in stages], entries
+
+
+def _of_pairs(
+    interfaces: Sequence[Interface], names: Sequence[str], entries: list[tuple[Interface, int, int]]
+) -> np.ndarray:
+    """Return the interface of every pair of plies; new ones are added to ``entries``."""
+    law = np.full((len(names), len(names)), NONE, dtype=np.int32)
+    before = list(entries)
     for index, interface in enumerate(interfaces):
         key = f"interfaces[{index}].between"
         if interface.between is None:
@@ -372,9 +416,12 @@ def _interfaces(
         if interface.itself:
             pairs += [(ply, ply) for ply in plies]
         for a, b in pairs:
-            law[a, b] = law[b, a] = len(entries)
-            entries.append((interface, a, b))
-    return law, entries
+            entry = (interface, a, b)
+            number = before.index(entry) if entry in before else len(entries)
+            if number == len(entries):
+                entries.append(entry)
+            law[a, b] = law[b, a] = number
+    return law
 
 
 def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from lcmchain.interfaces.laws.friction_map import FrictionMapTable
 from lcmchain.interfaces.laws.hersey import HerseyTable
 from lcmchain.interfaces.laws.shear_by_points import ShearByPointsTable
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
+from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     FrictionCoefficient,
@@ -48,6 +49,7 @@ class Interface(SceneModel):
         default=None,
         description="Two plies, or two materials of [materials] for all plies of theirs.",
     )
+    stages: AtWork = Field(default=None, description=AT_WORK)
     itself: bool = Field(
         default=False,
         description="Whether each of these plies also touches itself, where it folds.",

@@ -20,6 +20,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "scene",
         "stacks",
         "grippers",
+        "stages",
         "coupons",
         "identification",
         "draping",

@@ -98,7 +98,8 @@ def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]
                 buffer = DepthBuffer(points[faces], view)
                 travel = history["tool_travel"].values[frame]
                 edge = 1e3 * size / 60.0
-                for _, vertices, triangles, colour in tools.within(box, travel):
+                present = tools.in_frame(history, frame)
+                for _, vertices, triangles, colour in present.within(box, travel):
                     surface = 1e3 * vertices, triangles
                     draw_tool(axis, *surface, view, colour, buffer, edge, over_sheet=False)
             _fit(axis, shown_part)

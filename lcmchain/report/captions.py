@@ -49,12 +49,28 @@ OF_FILLINGS = {
     "_filling_curves": "Infiltration: pressure and flow rate of the gates, volumes of resin",
 }
 
+#: What begins the names of the pictures of stages.
+PREFIX = "stage_"
+#: The pictures of every stage, by what their names end in.
+CAPTIONS_OF_STAGE = {
+    "tools": "the sheet between the tools that are at work, at the end of the stage",
+    "sections": "sections through sheet and tools at the end of the stage",
+    "shear_angle": "shear angle at the end of the stage",
+}
+
 
 def caption_of(file_name: str) -> str:
     """Return the caption of a picture, of any other file its name in words."""
     stem = file_name.rpartition("/")[2].rpartition(".")[0]
     if stem.startswith("animation"):
         return "Forming from the start to the end; colours and view are the same in all frames"
+    if stem.startswith(PREFIX):
+        for ending, caption in CAPTIONS_OF_STAGE.items():
+            if stem.endswith(f"_{ending}"):
+                number, _, name = (
+                    stem.removeprefix(PREFIX).removesuffix(f"_{ending}").partition("_")
+                )
+                return f"Stage {number}, {name}: {caption}"
     for ending, caption in OF_FILLINGS.items():
         if stem.endswith(ending):
             return f"{caption} ({stem.removesuffix(ending)})"

@@ -9,6 +9,7 @@ import numpy as np
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
+from lcmchain.report.stages import borders
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,9 +30,10 @@ def curve_data(history: xr.Dataset) -> dict[str, Any]:
 
     Returns
     -------
-    ``time`` [ms]; ``tools``: name, ``travel`` [mm], ``force`` [N], the mean over each interval, and
-    ``peak`` [N], the largest of single steps (None of frames); ``punch``, the index of the tool
-    whose travel is the stroke, None without tools; ``energies`` [J]: name, ``values``.
+    ``time`` [ms]; ``stages``: name and ``end`` [ms], none without stages; ``tools``: name,
+    ``travel`` [mm], ``force`` [N], the mean over each interval, and ``peak`` [N], the largest of
+    single steps (None of frames); ``punch``, the index of the tool whose travel is the stroke, None
+    without tools; ``energies`` [J]: name, ``values``.
     """
     histories = has_histories(history)
     stem, clock = ("history_energy_", SAMPLE) if histories else ("energy_", "time")
@@ -39,6 +41,7 @@ def curve_data(history: xr.Dataset) -> dict[str, Any]:
     names.sort(key=lambda name: ENERGIES.index(name) if name in ENERGIES else len(ENERGIES))
     return {
         "time": _numbers(1e3 * history[clock].values),
+        "stages": [{"name": name, "end": end} for name, end in borders(history)],
         "tools": _tools(history, histories),
         "punch": punch_index(history) if history.sizes["tool"] else None,
         "energies": [

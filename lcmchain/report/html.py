@@ -25,6 +25,7 @@ from lcmchain.report.numbers import (
     load_table,
     ply_numbers,
 )
+from lcmchain.report.stages import stage_chapters
 from lcmchain.report.style import SERIES
 from lcmchain.report.tool_view import tool_data
 from lcmchain.report.verdicts import verdicts
@@ -75,9 +76,13 @@ def write_report(
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    packed = list(_pictures(Path(folder), pictures))
+    chapters = stage_chapters(summary, datasets, packed)
+    in_chapters = {picture[0] for _, _, own in chapters for picture in own}
     text = environment.get_template("report.html").render(
         _content(scene, effects, datasets, summary),
-        pictures=list(_pictures(Path(folder), pictures)),
+        stages=chapters,
+        pictures=[picture for picture in packed if picture[0] not in in_chapters],
         style=(ASSETS / "report.css").read_text(encoding="utf-8"),
         script=(ASSETS / "report.js").read_text(encoding="utf-8"),
         plotly=get_plotlyjs(),

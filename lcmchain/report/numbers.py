@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.report.grades import percent
+from lcmchain.report.stages import rest_in_words
 from lcmchain.thresholds import LARGEST_RIPPLE, balance_scale
 
 
@@ -34,6 +35,7 @@ def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
         *_stack(summary),
         *_shape(summary),
         *_grippers(summary),
+        *_springback(summary),
         *_time(summary),
         *_energies(summary),
         *_cost(summary),
@@ -107,6 +109,15 @@ def _grippers(summary: Mapping[str, Any]) -> Iterator[Number]:
         if gone:
             told += f"; let go: {', '.join(gone)}"
         yield Number("Largest force of a gripper", f"{load['force_max_N']:.4g} N", told)
+
+
+def _springback(summary: Mapping[str, Any]) -> Iterator[Number]:
+    """Yield the springback, and whether the sheet has come to rest."""
+    resting = [stage for stage in summary.get("stages", ()) if "rest" in stage]
+    if "springback_max_m" in summary and resting:
+        largest, mean = (1e3 * summary[f"springback_{what}_m"] for what in ("max", "mean"))
+        told = f"{mean:.3g} mm in the mean; rest {rest_in_words(resting[-1])}"
+        yield Number("Springback", f"up to {largest:.3g} mm", told)
 
 
 def _quoted_force(summary: Mapping[str, Any]) -> float:

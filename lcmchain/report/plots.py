@@ -11,7 +11,8 @@ import numpy as np
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
-from lcmchain.report.style import INK, RC, SERIES, headline, new_figure, save
+from lcmchain.report.stages import borders
+from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
         _draw_ratios(ratios, time, parts, error)
         for axis in (top, ratios):
             _finish(axis, time)
+            _mark_stages(axis, history, named=axis is top)
         ratios.set_xlabel("time [ms]")
         headline(figure, "Energy balance", title)
         save(figure, path)
@@ -107,6 +109,7 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
         second.spines["top"].set_visible(False)
         _finish(left, travel[:, punch])
         _finish(right, time)
+        _mark_stages(right, history)
         for axis in (left, right):
             axis.set_ylim(0.0, 1.12 * max(float(np.nanmax(force)), 1e-12))
         headline(figure, "Tool forces", title)
@@ -174,6 +177,18 @@ def _draw_ratio(axis, time, percent, colour, label) -> None:
     shown = np.where(percent > 0.0, percent, np.nan)
     marker = "o" if len(time) <= FEW_POINTS else ""
     axis.plot(time, shown, color=colour, lw=1.3, marker=marker, ms=2.2, label=label)
+
+
+def _mark_stages(axis, history: xr.Dataset, *, named: bool = True) -> None:
+    """Draw a line at the end of every stage but the last, and their names above."""
+    ends, start = borders(history), 0.0
+    for number, (name, end) in enumerate(ends):
+        if number + 1 < len(ends):
+            axis.axvline(end, color=FAINT, lw=0.7, ls=":")
+        if named:
+            place = {"transform": axis.get_xaxis_transform(), "ha": "center", "va": "bottom"}
+            axis.text(0.5 * (start + end), 1.01, name, fontsize=6.5, color=FAINT, **place)
+        start = end
 
 
 def _finish(axis, x: np.ndarray) -> None:

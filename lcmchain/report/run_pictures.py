@@ -12,10 +12,17 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import sheet_positions
+from lcmchain.fields.stack import ply_names
 from lcmchain.report.animation import draw_animation
+from lcmchain.report.captions import CAPTIONS_OF_STAGE
 from lcmchain.report.cut import Plane
-from lcmchain.report.pictures import draw_result
+from lcmchain.report.formed import draw_between_tools
+from lcmchain.report.pictures import draw_field, draw_result
 from lcmchain.report.run_tools import RunTools
+from lcmchain.report.sections import default_planes, draw_sections
+from lcmchain.report.shown import SHOWN
+from lcmchain.report.stack_pictures import draw_stack_sections
+from lcmchain.report.stages import last_frames, picture_name
 from lcmchain.scene.output import NO_FILM, Output
 
 if TYPE_CHECKING:
@@ -58,6 +65,36 @@ def require_film(output: Output, sheets: Sequence[tuple[SheetMesh, Material]]) -
         )
 
 
+def draw_stages(
+    folder: Path,
+    datasets: Mapping[str, xr.Dataset],
+    tools: RunTools | None,
+    planes: Sequence[Plane],
+) -> list[Path]:
+    """Draw the end of every stage; nothing without stages. Return the files."""
+    files: list[Path] = []
+    history = datasets[HISTORY]
+    for number, (name, frame) in enumerate(last_frames(history), start=1):
+        title = f"{datasets[SHEET].attrs.get('title', '')}  ·  stage {name}"
+        sheet = datasets[SHEET].assign_attrs(title=title)
+        groups = {**datasets, SHEET: sheet}
+        travel = history["tool_travel"].values[frame]
+        present = None if tools is None else tools.in_frame(history, frame)
+        paths = {what: folder / picture_name(number, name, what) for what in CAPTIONS_OF_STAGE}
+        draw_field(paths["shear_angle"], sheet, SHOWN[0], frame)
+        if ply_names(sheet):
+            draw_stack_sections(paths["sections"], groups, planes, present, travel, frame)
+        else:
+            of_sheet = planes or default_planes(sheet)
+            draw_sections(paths["sections"], groups, of_sheet, present, travel, frame)
+        if present is not None:
+            draw_between_tools(paths["tools"], sheet, present, travel, frame)
+        else:
+            del paths["tools"]
+        files += paths.values()
+    return files
+
+
 def draw_run(
     scene: Scene,
     table: ToolTable,
@@ -86,11 +123,13 @@ def draw_run(
     files: list[Path] = []
     sheet = datasets[SHEET]
     tools = RunTools.of_scene(scene, table, sheet_positions(sheet)) if scene.tools else None
+    at_end = None if tools is None else tools.in_frame(datasets[HISTORY], -1)
     if output.pictures:
         planes = [
             Plane.through(np.array(s.point), np.array(s.normal), s.name) for s in output.sections
         ]
-        files += draw_result(folder, datasets, tools=tools, planes=planes)
+        files += draw_result(folder, datasets, tools=at_end, planes=planes)
+        files += draw_stages(folder, datasets, tools, planes)
     if output.animation != NO_FILM:
         name = output.animation_field
         files.append(folder / f"animation_{name}.{output.animation}")

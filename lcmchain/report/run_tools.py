@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.fields.stages import STAGE
 from lcmchain.report.style import SERIES
+from lcmchain.scene.stages import at_work
 from lcmchain.tools.drawing import clip_to_box, tool_surface
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from lcmchain.scene import Scene
     from lcmchain.tools.table import ToolTable
 
@@ -22,11 +26,15 @@ class RunTools:
 
     names : of the T tools. table : their shapes as contact sees them.
     surfaces : points [m] and triangles of every tool at travel 0.
+    by_stage : whether each tool is at work, for every stage; empty without stages.
+    at_work : whether each tool is shown; None for all of them.
     """
 
     names: tuple[str, ...]
     table: ToolTable
     surfaces: tuple[tuple[np.ndarray, np.ndarray], ...]
+    by_stage: tuple[tuple[bool, ...], ...] = ()
+    at_work: tuple[bool, ...] | None = None
 
     @classmethod
     def of_scene(cls, scene: Scene, table: ToolTable, points: np.ndarray) -> RunTools:
@@ -39,7 +47,20 @@ class RunTools:
             tuple(tool.name for tool in scene.tools),
             table,
             tuple(tool_surface(tool, scene.source.directory, box) for tool in scene.tools),
+            tuple(tuple(at_work(tool, stage) for tool in scene.tools) for stage in scene.stages),
         )
+
+    def in_stage(self, number: int) -> RunTools:
+        """Return the tools as a stage has them: those that are not at work are not shown."""
+        return replace(self, at_work=self.by_stage[number]) if self.by_stage else self
+
+    def in_frame(self, history: xr.Dataset, frame: int) -> RunTools:
+        """Return the tools as the stage of a saved frame has them."""
+        return self.in_stage(int(history[STAGE].values[frame])) if STAGE in history else self
+
+    def shows(self, tool: int) -> bool:
+        """Tell whether a tool is shown."""
+        return self.at_work is None or self.at_work[tool]
 
     @property
     def colours(self) -> tuple[str, ...]:
@@ -50,5 +71,7 @@ class RunTools:
     ) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
         """Yield name, points [m], triangles and colour of what lies in a box at a travel (T,)."""
         for tool, (points, triangles) in enumerate(self.surfaces):
+            if not self.shows(tool):
+                continue
             moved = points + travel[tool] * self.table.direction[tool]
             yield self.names[tool], *clip_to_box(moved, triangles, box), self.colours[tool]

@@ -91,8 +91,9 @@ def draw_sections(
             draw_section(axis, plane, [(strips, SHEET_COLOUR)], tools, travel, pad)
             _draw_unrolled(across, strips, tools, travel)
         if tools is not None:
-            for name, colour in zip(tools.names, tools.colours):
-                axis.plot([], [], color=colour, lw=1.6, label=name)
+            for tool, (name, colour) in enumerate(zip(tools.names, tools.colours)):
+                if tools.shows(tool):
+                    axis.plot([], [], color=colour, lw=1.6, label=name)
             figure.legend(
                 handles=axis.get_legend_handles_labels()[0], loc="upper right", ncols=4,
                 bbox_to_anchor=(1.0 - 0.3 / 12.0, 1.0 - 0.12 / total),
@@ -182,6 +183,8 @@ def _draw_tools(
     flat = np.stack(np.meshgrid(u, v), axis=-1)
     points = np.ascontiguousarray(plane.place(flat).reshape(-1, 3))
     for tool, colour in enumerate(tools.colours):
+        if not tools.shows(tool):
+            continue
         distance = gaps(tools.table, tool, points, float(travel[tool])).reshape(flat.shape[:2])
         if not (distance < 0.0).any():
             continue
@@ -211,6 +214,8 @@ def _draw_unrolled(
         if tools is None or travel is None:
             continue
         for tool, colour in enumerate(tools.colours):
+            if not tools.shows(tool):
+                continue
             for level in _distances(tools, tool, float(travel[tool]), lower, upper, half):
                 axis.plot(length, level, color=colour, lw=1.0, zorder=3)
     reach = (0.5 + REACH) * (largest or 1.0)

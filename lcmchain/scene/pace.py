@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lcmchain.effects.pace import more_quasi_static
-from lcmchain.quantities.rounded import milliseconds
+from lcmchain.quantities.rounded import milliseconds, two_digits_up
 from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
@@ -34,12 +34,17 @@ def has_guided_load(scene: Scene) -> bool:
 
 def slowing_entry(scene: Scene) -> str:
     """Return the scene entry that says how slow a led process is."""
-    return "process.quasi_static" if scene.time_is_found else "process.time"
+    if scene.time_is_found:
+        return "process.quasi_static"
+    return "process.time" if not scene.stages else "time of the [[stages]]"
 
 
 def slower_process(scene: Scene, time: float) -> str:
     """Return the scene entry, with its value, by which a led process takes a longer time [s]."""
     if not scene.time_is_found:
+        if scene.stages:
+            factor = two_digits_up(time / scene.process.time)
+            return f"times of the [[stages]] that are {factor} times as long"
         return f"process.time = {milliseconds(time)}"
     return more_quasi_static(scene.process.quasi_static, time / scene.process.time)
 

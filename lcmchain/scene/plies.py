@@ -27,6 +27,7 @@ from lcmchain.materials.law import Material, with_fibre_modulus
 from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.outline import outline_of
+from lcmchain.quantities.at_work import share_a_stage
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, wrong
 from lcmchain.scene.layup import angles_of
 
@@ -479,7 +480,7 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
             field="interfaces",
         )
     plies = [ply.name for ply in stack]
-    given: list[frozenset[str] | None] = []
+    given: list[tuple[frozenset[str] | None, tuple[str, ...] | None]] = []
     for index, entry in enumerate(scene.interfaces):
         key = f"interfaces[{index}].between"
         pair = None if entry.between is None else frozenset(entry.between)
@@ -494,15 +495,20 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
                 "an interface lies between two plies, and itself = true lets them touch themselves",
                 field=key,
             )
-        if pair in given:
+        same = [
+            number
+            for number, (other, stages) in enumerate(given)
+            if other == pair and share_a_stage(stages, entry.stages)
+        ]
+        if same:
             raise wrong(
-                f"says the same two as interfaces[{given.index(pair)}]; leave one of them out"
+                f"says the same two as interfaces[{same[0]}]; leave one of them out"
                 if pair is not None
-                else f"is left out, and so it is in interfaces[{given.index(None)}]; one entry "
+                else f"is left out, and so it is in interfaces[{same[0]}]; one entry "
                 "holds for all that no other one names",
                 field=key,
             )
-        given.append(pair)
+        given.append((pair, entry.stages))
 
 
 def _not_there(name: str, known: Iterable[str], what: str) -> str:

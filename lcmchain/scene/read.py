@@ -297,6 +297,8 @@ def _resolved_text(scene: Scene, key: str, text: str) -> str:
     """Add the value to a default that is another entry of the scene."""
     if text == "contact.friction":
         return f"{scene.contact.friction:g} ({text})"
+    if text == "process.time" and key.startswith("stages."):
+        return "the end of the stage"
     if text == "process.time":
         return f"{scene.process.time:g} s ({text})"
     return _found_text(scene, key) or text
@@ -309,6 +311,7 @@ def _found_text(scene: Scene, key: str) -> str:
     process = scene.process
     found = {
         "process.time": f"{process.time:.4g} s",
+        **{f"stages.{s.name}.time": f"{s.time:.4g} s" for s in scene.stages if s.time_is_found},
         "process.mass_damping": f"{process.mass_damping:.4g} 1/s",
         "process.damping_average": f"{process.damping_average:.4g} s",
     }

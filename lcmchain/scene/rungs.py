@@ -67,7 +67,7 @@ def on_rung(scene: Scene, model: str) -> Scene:
     if rung_of(scene) == model:
         return scene
     # the switches of [effects] act on what is written, and on the new rung once more
-    written = scene.model_copy(update=scene.before_switches)
+    written = scene.model_copy(update=scene.before_switches | scene.as_written)
     changes, left_out, overrides = _changes(written, model)
     values = {name: getattr(written, name) for name in type(scene).model_fields} | changes
     try:
@@ -119,6 +119,7 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
         overrides.append("pressure=[]")
     if scene.grippers and not element.has_forces:
         changes["grippers"] = ()
+        changes["stages"] = _without_led(scene)
         unknown.append("grippers")
         overrides.append("grippers=[]")
     if not element.has_forces:
@@ -132,6 +133,17 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
         unknown.append("output.animation")
         overrides.append("output.animation=none")
     return changes, left_out + unknown, overrides
+
+
+def _without_led(scene: Scene) -> tuple[Any, ...]:
+    """Return the stages without the motions of grippers."""
+    led = {gripper.name for gripper in scene.grippers}
+    return tuple(
+        stage.model_copy(
+            update={"motions": {n: m for n, m in stage.motions.items() if n not in led}}
+        )
+        for stage in scene.stages
+    )
 
 
 def _without_weight_and_switches(

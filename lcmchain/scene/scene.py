@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
+import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
@@ -26,6 +27,7 @@ from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
+from lcmchain.quantities.at_work import MOST_STAGES
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Row, Text, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.draping import Draping
@@ -53,6 +55,14 @@ from lcmchain.scene.plies import (
 )
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import Process
+from lcmchain.scene.stages import (
+    Stage,
+    StagePlan,
+    completed_stages,
+    frame_times,
+    require_no_stages,
+    stage_plans,
+)
 from lcmchain.scene.unit import Unit
 from lcmchain.tools.motion import PRESCRIBED
 from lcmchain.tools.tool import Tool
@@ -176,6 +186,16 @@ class Scene(SceneModel):
             maximum_count=MOST_GRIPPERS,
         ),
     ] = ()
+    stages: Annotated[
+        tuple[Stage, ...],
+        Row(
+            "[[stages]] ... for each stage",
+            entries="tables",
+            units=False,
+            maximum_count=MOST_STAGES,
+        ),
+        AbsentMeans(""),
+    ] = Field(default=(), description="The stages of the process in their order.")
     draping: Draping = Field(default_factory=Draping)
     output: Output = Field(default_factory=Output)
     mapping: Annotated[
@@ -204,6 +224,7 @@ class Scene(SceneModel):
     _switched: tuple[Switched, ...] = PrivateAttr(default=())
     _before_switches: dict[str, Any] = PrivateAttr(default_factory=dict)
     _time_is_found: bool = PrivateAttr(default=False)
+    _as_written: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
     def source(self) -> SceneSource:
@@ -214,6 +235,20 @@ class Scene(SceneModel):
     def time_is_found(self) -> bool:
         """Whether the process has no time of its own: ``process.time`` is that at pace 1."""
         return self._time_is_found
+
+    @property
+    def as_written(self) -> dict[str, Any]:
+        """The tables that stages have filled in, as they stood before; empty without stages."""
+        return self._as_written
+
+    @property
+    def frame_times(self) -> np.ndarray:
+        """Times of the saved frames [s], the start first; borders of stages are among them."""
+        return frame_times(self)
+
+    def stage_plans(self) -> tuple[StagePlan, ...]:
+        """Return what a model needs to know of every stage; nothing without stages."""
+        return stage_plans(self, self._as_written) if self.stages else ()
 
     @property
     def switched(self) -> tuple[Switched, ...]:
@@ -378,7 +413,7 @@ class Scene(SceneModel):
     def _allow_none(cls, value: Any) -> Any:
         return None if value == NONE else value
 
-    @field_validator("tools", "mapping", "pressure", "grippers")
+    @field_validator("tools", "mapping", "pressure", "grippers", "stages")
     @classmethod
     def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
         return with_own_names(items)
@@ -420,6 +455,13 @@ class Scene(SceneModel):
     def _find_time(self) -> Self:
         """Fill in what a process without a time takes: its time, its damping, and its tools'."""
         process = self.process
+        if self.stages:
+            filled = completed_stages(self)
+            self._as_written = {name: self.__dict__[name] for name in filled}
+            self._time_is_found = any(stage.time_is_found for stage in filled["stages"])
+            self.__dict__.update(filled)  # the scene is frozen for everybody else
+            return self
+        require_no_stages(self)
         if process.time is not None:
             if process.quasi_static != 1.0:
                 raise wrong(

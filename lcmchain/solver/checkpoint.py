@@ -27,7 +27,7 @@ from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
 FILE_NAME = "checkpoint.npz"
-FORMAT = 9
+FORMAT = 10
 _FIRST_WORDS = b"lcmchain checkpoint"
 
 

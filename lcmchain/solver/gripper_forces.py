@@ -30,12 +30,12 @@ def pull(grippers, arrays, dt_last, dt):
     time, pace = arrays.clock[TIME], arrays.clock[PACE]
     force, travel = arrays.gripper_force, arrays.gripper_travel
     interval = 0.5 * (dt_last + dt) * pace
-    onset = 1.0
-    if time < grippers.ramp:
-        onset = smooth_step(time / grippers.ramp)[0]
     now = np.empty(3)
     toward = np.empty(3)
     for g in range(grippers.force.size):
+        onset, since = 1.0, time - grippers.begin[g]
+        if since < grippers.ramp[g]:
+            onset = smooth_step(since / grippers.ramp[g])[0]
         now[:] = -grippers.place[g]
         for k in range(grippers.start[g], grippers.start[g + 1]):
             node, weight = grippers.node[k], grippers.weight[k]

@@ -50,7 +50,7 @@ def move_supports(arrays, supports, environment, dt_last, dt):
     position, velocity, free, mass = arrays.position, arrays.velocity, arrays.free, arrays.mass
     pace = arrays.clock[PACE]
     interval = 0.5 * (dt_last + dt)
-    place = (arrays.clock[TIME] + pace * dt) / supports.interval
+    place = (arrays.clock[TIME] + pace * dt - supports.start) / supports.interval
     piece = min(int(place), supports.affine.shape[1] - 2)
     s = min(place - piece, 1.0)
     arrays.support_force[:] = 0.0

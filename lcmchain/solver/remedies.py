@@ -66,7 +66,10 @@ def stiffer_contact(model: Model, state: State) -> str:
 
 def slower_process(model: Model) -> str:
     """Name the entry that makes a process slower, where no value of it is known."""
-    return "a longer process.time" if model.pace is None else "a larger process.quasi_static"
+    if model.pace is not None:
+        return "a larger process.quasi_static"
+    stage = model.present_stage
+    return "a longer process.time" if stage is None else f"a longer stages.{stage.name}.time"
 
 
 def slower_loads(model: Model, moved: float) -> str:
@@ -84,6 +87,10 @@ def slower_loads(model: Model, moved: float) -> str:
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
         entries.append(f"tools.{model.tool_names[tool]}.motion.ramp")
     longer = f"process.time = {milliseconds(times * model.process_time)}"
+    stage = model.present_stage
+    if stage is not None:
+        time = milliseconds(times * (stage.end - stage.start))
+        longer = f"stages.{stage.name}.time = {time}"
     if not entries:
         return longer
     factor = f"{two_digits_up(times)} times as long"

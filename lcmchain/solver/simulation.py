@@ -14,6 +14,7 @@ from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
 from lcmchain.effects.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
+from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
@@ -25,6 +26,8 @@ from lcmchain.solver import (
     histories,
     ply_contact,
     pressure_loads,
+    rest,
+    stages,
     tool_motion,
 )
 from lcmchain.solver.contact_search import find_near_nodes
@@ -50,6 +53,7 @@ from lcmchain.state import (
     PLY_REFRESH,
     RENEWAL,
     RENEWED,
+    STAGE,
     TIME,
     Scratch,
     State,
@@ -165,6 +169,8 @@ class Simulation:
     def __init__(self, model: Model, state: State | None = None) -> None:
         self.model = model
         self.state = state or State.at_rest(model)
+        if model.stages and state is None:
+            stages.begin_first(model, self.state)
         self.control = StepControl()
         self._orders: dict[int, tuple[tuple[Any, ...], Any]] = {}
         self._bind()
@@ -242,6 +248,11 @@ class Simulation:
             "energies": self.energy,
         }
         if (plies := self.model.ply_contact) is not None:
+            of_stages = [own.ply_contact for own in self.model.stages if own.ply_contact]
+            if len({own.data.interface.tobytes() for own in of_stages}) > 1:
+                calls["interfaces of stages"] = lambda: change_interfaces(
+                    plies.data, plies.laws, self._arrays, 0.0
+                )
             calls["contact between plies"] = lambda: self.between_plies(plies.data)
         if not self.model.tool_names:
             del calls["contact search"]
@@ -252,23 +263,50 @@ class Simulation:
     def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None) -> None:
         """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.
 
+        Borders of stages on the way are met exactly too: a stage begins with the first step after
+        the end of the one before.
+
         Raises
         ------
         SimulationError : a guard stopped the run; the state is that of the stop.
         """
         while self.time < time:
-            step = self.prepare_steps()
-            remaining = (time - self.time) / self.state.pace
-            count = max(1, math.ceil(remaining / step))
-            chunk = min(count, STEPS_PER_CHUNK)
-            self._make_chunk(chunk, remaining / count)
-            if chunk == count:
-                self.state.clock[TIME] = time
-            if self.model.pace is not None:
-                self._find_pace(self.model.pace, chunk * (remaining / count))
+            self._begin_stage()
+            stage = self.model.present_stage
+            until = time if stage is None or self._is_last else min(time, stage.end)
+            if rest.is_at_rest(self.model, self.state):
+                rest.pass_time(self.model, self.state, until, self.energy())
+            else:
+                self._make_next_chunk(until)
             if on_chunk is not None:
                 on_chunk(self)
         self.require_sound()
+
+    def _make_next_chunk(self, until: float) -> None:
+        """Make the next chunk of steps on the way to a time [s]."""
+        step = self.prepare_steps()
+        remaining = (until - self.time) / self.state.pace
+        count = max(1, math.ceil(remaining / step))
+        chunk = min(count, STEPS_PER_CHUNK)
+        self._make_chunk(chunk, remaining / count)
+        if chunk == count:
+            self.state.clock[TIME] = until
+        if self.model.pace is not None:
+            self._find_pace(self.model.pace, chunk * (remaining / count))
+        stage = self.model.present_stage
+        if stage is not None and stage.rest_energy is not None:
+            rest.calm(self.model, self.state, self.stored_energy)
+
+    @property
+    def _is_last(self) -> bool:
+        """Whether no stage follows the present one."""
+        return self.model.stage + 1 == len(self.model.stages)
+
+    def _begin_stage(self) -> None:
+        """Go over to the next stage where the present one has ended."""
+        while stages.is_over(self.model, self.state):
+            number = self.model.stage + 1
+            self.model = stages.begin_stage(self.model, self.state, number, self._arrays)
 
     def snapshot(self) -> Snapshot:
         """Return what a saved frame holds of the present."""
@@ -476,6 +514,8 @@ class Simulation:
         return self._arrays
 
     def _bind(self) -> None:
+        if self.model.stages:
+            self.model = self.model.in_stage(int(self.state.counters[STAGE]), self.state)
         self._before = self.state.copy()
         self._scratch = Scratch.zeros(self.model)
         arrays: dict[str, Any] = {
@@ -564,6 +604,9 @@ class Simulation:
         reach = SEARCH_SPEED_FACTOR * (speed + ahead) * interval
         reach += SEARCH_THICKNESS_PART * max(body.material.thickness for body in model.bodies)
         reach += model.nodes.offset.max()
+        stage = model.present_stage
+        if stage is not None:
+            reach[~stage.tools_at_work] = -np.inf
         find_near_nodes(self._arrays, model.tools, reach)
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:

@@ -28,6 +28,8 @@ def _paces(scene: Scene) -> Iterator[str]:
         yield "a net is laid, which knows no time"
     if scene.wet_forming is not None:
         yield "resin flows meanwhile, which has times of its own"
+    if scene.stages:
+        yield "the stages have times of their own"
     if not is_led(scene) and (is_driven(scene) or scene.tools or scene.pressure):
         yield "weight and forces set the pace, whatever process.time is"
     given = {key for key, _ in scene.source.given}

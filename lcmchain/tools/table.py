@@ -33,6 +33,9 @@ class ToolTable(NamedTuple):
         direction [N], viscous damping [N s/m], acceleration of gravity along the direction
         [m/s2], time over which weight and force come on smoothly [s], shape [T]; zero for all
         others.
+    load_start : time [s] at which weight and force of a guided tool begin to come on, shape [T].
+    travel_start : travel [m] that prescribed motions count from, shape [T]: 0, or what a tool has
+        gone by when a stage begins.
     stroke_profile, stroke_distance, stroke_start, stroke_end : kind, travel [m] and times [s] of
         prescribed strokes, shape [T].
     table_start, table_times, table_travels : tabulated motions one after the other; tool t owns
@@ -57,6 +60,8 @@ class ToolTable(NamedTuple):
     damping: np.ndarray
     gravity_along: np.ndarray
     ramp: np.ndarray
+    load_start: np.ndarray
+    travel_start: np.ndarray
     stroke_profile: np.ndarray
     stroke_distance: np.ndarray
     stroke_start: np.ndarray
@@ -148,6 +153,8 @@ def build_tool_table(
         damping=column("damping"),
         gravity_along=column("gravity_along"),
         ramp=column("ramp"),
+        load_start=column("load_start"),
+        travel_start=column("travel_start"),
         stroke_profile=column("stroke_profile", np.int64),
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from lcmchain.errors import InputError
+from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Direction,
@@ -27,6 +28,7 @@ class Tool(SceneModel):
     name: Annotated[str, Name("punch")] = Field(
         description="Name in reports, files and overrides, as in --set tools.punch.friction=0.2."
     )
+    stages: AtWork = Field(default=None, description=AT_WORK)
     shape: Shape = Field(description="Surface of the tool.")
     position: Position = Field(  # type: ignore[assignment]
         default=("0 mm", "0 mm", "0 mm"), description="Place of the shape's local origin."

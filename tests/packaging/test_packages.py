@@ -52,6 +52,7 @@ RANK_OF_CORE = {
     "results": 4,
     "scene": 4,
     "model": 4,
+    "stages": 4,
     "state": 4,
     "solver": 4,
     "statics": 4,

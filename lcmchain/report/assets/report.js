@@ -29,6 +29,8 @@ function drawCurves(id, traces, title, x, y) {
   const { text, line, soft, ground } = look();
   const upright = id === "energy-over-time";
   const axis = { gridcolor: line, zerolinecolor: line, linecolor: line };
+  const overTime = id.endsWith("over-time") ? curves.stages : [];
+  const start = (i) => (i ? overTime[i - 1].end : 0);
   Plotly.react(id, traces, {
     title: { text: title, font: { size: 15 } },
     font: { color: text, size: 13 },
@@ -41,6 +43,14 @@ function drawCurves(id, traces, title, x, y) {
     legend: upright ? { orientation: "v", y: 1 } : { orientation: "h", y: -0.3 },
     xaxis: { ...axis, title: { text: x } },
     yaxis: { ...axis, title: { text: y }, rangemode: "tozero" },
+    shapes: overTime.slice(0, -1).map(({ end }) => ({
+      type: "line", x0: end, x1: end, yref: "paper", y0: 0, y1: 1,
+      line: { color: soft, width: 1, dash: "dot" },
+    })),
+    annotations: overTime.map(({ name, end }, i) => ({
+      x: 0.5 * (start(i) + end), yref: "paper", y: 1, yanchor: "bottom", text: name,
+      showarrow: false, font: { color: soft, size: 11 },
+    })),
   }, FLAT);
 }
 

@@ -56,6 +56,8 @@ class ToolMotion(SceneModel):
             "damping": 0.0,
             "ramp": 0.0,
             "gravity_along": 0.0,
+            "load_start": 0.0,
+            "travel_start": 0.0,
             "stroke_profile": SMOOTH,
             "stroke_distance": 0.0,
             "stroke_start": 0.0,

@@ -34,10 +34,11 @@ RAMP_PART = 0.05
 
 @equation
 def guided_load(table, tool, added_force, time):
-    """Load [N] on a guided tool along its direction: weight and forces, ramped up at the start."""
+    """Load [N] on a guided tool along its direction: weight and forces, ramped up."""
     load = table.force[tool] + added_force + table.mass[tool] * table.gravity_along[tool]
-    if time < table.ramp[tool]:
-        return smooth_step(time / table.ramp[tool])[0] * load
+    since = time - table.load_start[tool]
+    if since < table.ramp[tool]:
+        return smooth_step(since / table.ramp[tool])[0] * load
     return load
 
 

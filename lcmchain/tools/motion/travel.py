@@ -17,19 +17,22 @@ from lcmchain.tools.motion.table import tabulated_travel
 def prescribed_travel(table, tool, time):
     """Travel [m] of a fixed or prescribed tool along its direction, and its velocity [m/s].
 
-    A guided tool has no prescribed travel: the result is (0, 0).
+    A guided tool has no prescribed travel: the result is that at the start, and 0.
     """
+    start = table.travel_start[tool]
     if table.motion_kind[tool] != PRESCRIBED:
-        return 0.0, 0.0
+        return start, 0.0
     if table.stroke_profile[tool] == TABULATED:
-        return tabulated_travel(
+        travel, velocity = tabulated_travel(
             table.table_times,
             table.table_travels,
             table.table_start[tool],
             table.table_start[tool + 1],
             time,
         )
-    return stroke_travel(table, tool, time)
+        return start + travel, velocity
+    travel, velocity = stroke_travel(table, tool, time)
+    return start + travel, velocity
 
 
 def travel_along(motion: ToolMotion, process_time: float) -> Callable[[float], float]:

@@ -1,0 +1,175 @@
+"""What a result says of the stages of its process: which frame is of which, and the springback."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lcmchain.fields.history_group import HISTORY
+from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.sheet import sheet_positions
+from lcmchain.fields.table import FIELDS
+from lcmchain.fields.ugrid import TIME
+from lcmchain.scene.stages import stage_at
+from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from lcmchain.model import Model
+    from lcmchain.scene import Scene
+    from lcmchain.state import State
+
+#: Variables of the group ``/history``: of every frame, and of every stage.
+STAGE, STAGE_NAME, STAGE_END = "stage", "stage_name", "stage_end"
+
+
+def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
+    """Return the groups of ``forming.nc`` with what they say of stages; as they are without any.
+
+    ``/history`` gets ``stage``, the number of the stage that each frame belongs to, by its end at a
+    border, and the end of every stage; the sheets get the ``springback`` of a stage that ends at
+    rest.
+    """
+    if not scene.stages:
+        return datasets
+    history = datasets[HISTORY].copy()
+    names = [stage.name for stage in scene.stages]
+    times = history[TIME].values
+    history[STAGE] = (
+        TIME,
+        np.array([stage_at(scene, time) for time in times], dtype=np.int8),
+        {
+            "long_name": "stage of the process",
+            "flag_values": np.arange(len(names), dtype=np.int8),
+            "flag_meanings": " ".join(names),
+        },
+    )
+    history[STAGE_NAME] = STAGE_NAME, np.array(names), {"long_name": "name of the stage"}
+    ends = np.array(list(accumulate(stage.time for stage in scene.stages)))
+    history[STAGE_END] = STAGE_NAME, ends, {"units": "s", "long_name": "end of the stage"}
+    found = {**datasets, HISTORY: history}
+    closed = _frame_before_rest(scene, times)
+    if closed is None:
+        return found
+    for name, group in datasets.items():
+        mesh = _mesh_of(group)
+        if mesh is not None:
+            found[name] = _with_springback(group, mesh, closed)
+    return found
+
+
+def _frame_before_rest(scene: Scene, times: np.ndarray) -> int | None:
+    """Return the frame from which springback is measured; None before the sheet is released."""
+    borders = [0.0, *accumulate(stage.time for stage in scene.stages)]
+    resting = [number for number, stage in enumerate(scene.stages) if stage.rest]
+    if not resting or times[-1] <= borders[resting[-1]] * (1.0 + 1e-9):
+        return None
+    closed, names = scene.stages[resting[-1]].springback_from, [s.name for s in scene.stages]
+    end = borders[resting[-1] if closed is None else names.index(closed) + 1]
+    return int(np.searchsorted(times, end + 1e-9 * borders[-1], side="right")) - 1
+
+
+def _mesh_of(group: xr.Dataset) -> str | None:
+    """Return the name of the mid-surface of a group of a sheet, None for any other group."""
+    for name, variable in group.variables.items():
+        if variable.attrs.get("cf_role") == "mesh_topology":
+            return str(name) if variable.attrs.get("topology_dimension") == 2 else None
+    return None
+
+
+def _with_springback(group: xr.Dataset, mesh: str, closed: int) -> xr.Dataset:
+    from lcmchain.fields.ugrid import UgridMesh
+
+    before = sheet_positions(group, closed)
+    values = np.zeros(group["displacement_x"].shape)
+    for frame in range(closed + 1, len(values)):
+        values[frame] = springback(before, sheet_positions(group, frame))
+    group = group.copy()
+    group["springback"] = UgridMesh(mesh).on_nodes(
+        values, FIELDS["springback"].attributes("springback")
+    )
+    return group
+
+
+def springback(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return how far points have moved beside a motion of all of them as a body.
+
+    Parameters
+    ----------
+    before, after : (n, 3) [m].
+
+    Returns
+    -------
+    (n,) [m], for the motion that makes the sum of their squares least (Kabsch 1976).
+    """
+    start, end = before - before.mean(axis=0), after - after.mean(axis=0)
+    left, _, right = np.linalg.svd(start.T @ end)
+    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    return np.linalg.norm(start @ left @ turn @ right - end, axis=1)
+
+
+def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]) -> dict[str, Any]:
+    """Return what ``summary.json`` says of stages; nothing without any.
+
+    Returns
+    -------
+    ``stages``: of every stage that has begun ``name``, ``start_s``, ``end_s`` and the ``tools`` at
+    work; of one that ends at rest ``rest`` with ``reached_s``, when it was reached, or None,
+    ``energy_part``, the last peak of the kinetic energy over what was stored, ``wanted``, the part
+    below which the sheet is at rest, and ``stops``. ``springback_max_m``, ``springback_mean_m`` of
+    the last frame, where there is one.
+    """
+    if not model.stages:
+        return {}
+    found = []
+    for number, stage in enumerate(model.stages[: model.stage + 1]):
+        entry: dict[str, Any] = {
+            "name": stage.name,
+            "start_s": stage.start,
+            "end_s": min(stage.end, state.time),
+            "tools": [name for name, works in zip(model.tool_names, stage.tools_at_work) if works],
+        }
+        if stage.rest_energy is not None:
+            rest = state.rest[number]
+            reached = float(rest[REST_TIME])
+            entry["rest"] = {
+                "reached_s": reached if reached > 0.0 else None,
+                "energy_part": float(rest[REST_PEAK] / rest[REST_SCALE])
+                if rest[REST_SCALE] > 0.0
+                else None,
+                "wanted": stage.rest_energy,
+                "stops": int(rest[REST_STOPS]),
+            }
+        found.append(entry)
+    summary: dict[str, Any] = {"stages": found}
+    root = datasets[ROOT]
+    if "springback" in root:
+        last = root["springback"].values[-1]
+        summary["springback_max_m"] = float(np.nanmax(last))
+        summary["springback_mean_m"] = float(np.nanmean(last))
+    return summary
+
+
+def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
+    """Say which stages ended before the sheet was at rest, and how still it was."""
+    found = []
+    for stage in summary.get("stages", ()):
+        rest = stage.get("rest")
+        if rest is None or rest["reached_s"] is not None:
+            continue
+        part = rest["energy_part"]
+        how = "its motions took all of the time"
+        if part is not None:
+            how = (
+                f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
+                f"wanted is {rest['wanted']:g}"
+            )
+        found.append(
+            f"the sheet did not come to rest in the stage {stage['name']}: {how}; use a longer "
+            f"stages.{stage['name']}.time"
+        )
+    return found

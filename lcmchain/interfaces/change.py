@@ -1,0 +1,92 @@
+"""What happens to points between plies where a stage gives their plies another interface.
+
+A film is cured, a tack is gone, plies are tied: the points stay where they are, and what the laws
+of the old interface stored goes. Each point begins on the new interface as one that has just come
+to touch. What that changes in the stored energy is returned, half a step before as everywhere
+(:mod:`lcmchain.interfaces.refresh`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from lcmchain.interfaces.law import carried, load_memory, memory_size, store_memory
+from lcmchain.interfaces.refresh import energy_before, way_to_facet
+from lcmchain.interfaces.rows import (
+    HELD,
+    INTERFACE,
+    LAST_DAMPING,
+    REACH,
+    SLIP,
+    STIFFNESS,
+    all_parameters,
+    memory_rows,
+    row_start,
+    touch_of,
+)
+from lcmchain.interfaces.surfaces import NONE
+from lcmchain.jit import entry, ordered_span_routine
+from lcmchain.tools.span_rows import SPAN, put_vector
+
+
+@entry
+def change_interfaces(data, laws, arrays, dt_last):
+    """Put all points on the interfaces of their plies, and return what that stores [J].
+
+    Parameters
+    ----------
+    data : :class:`lcmchain.interfaces.surfaces.InterfaceData` of the stage that begins.
+    laws : of all stages. dt_last : the last step [s].
+    """
+    booked = 0.0
+    for point in range(arrays.ply_facet.size):
+        booked += change_point(data, laws, arrays, dt_last, point)
+    return booked
+
+
+@ordered_span_routine
+def change_point(data, laws, arrays, dt_last, point):
+    """Put a point on the interface of its plies, and return what that stores [J]."""
+    facet, at, rows = arrays.ply_facet[point], row_start(data, point), arrays.ply_rows
+    if facet < 0:
+        return 0.0
+    ply, other = data.ply[point], data.facet_ply[facet]
+    interface = data.interface[ply, other]
+    if int(rows[at + INTERFACE * SPAN]) == interface:
+        return 0.0
+    booked = -energy_before(
+        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
+    )
+    starts = memory_rows(laws)
+    if interface == NONE:
+        arrays.ply_facet[point] = NONE
+        for row in range(starts[6]):
+            rows[at + row * SPAN] = 0.0
+        return booked
+    rows[at + INTERFACE * SPAN] = interface
+    rows[at + STIFFNESS * SPAN] = 0.5 * data.penalty[interface] * data.area[point]
+    rows[at + REACH * SPAN] = data.near[ply, other] if rows[at + HELD * SPAN] == 0.0 else math.inf
+    rows[at + LAST_DAMPING * SPAN] = 0.0
+    put_vector(rows, SLIP, at, (0.0, 0.0, 0.0))
+    r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
+    touch = touch_of(rows, at, r, (0.0, 0.0, 0.0), dt_last)
+    values = all_parameters(laws, interface)
+    first, second, third, fourth, fifth, sixth = laws
+    begin(first, values[0], rows, at + starts[0] * SPAN, touch)
+    begin(second, values[1], rows, at + starts[1] * SPAN, touch)
+    begin(third, values[2], rows, at + starts[2] * SPAN, touch)
+    begin(fourth, values[3], rows, at + starts[3] * SPAN, touch)
+    begin(fifth, values[4], rows, at + starts[4] * SPAN, touch)
+    begin(sixth, values[5], rows, at + starts[5] * SPAN, touch)
+    return booked + energy_before(
+        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
+    )
+
+
+@ordered_span_routine
+def begin(law, values, rows, place, touch):
+    """Let a law begin at a point."""
+    for k in range(memory_size(law)):
+        rows[place + k * SPAN] = 0.0
+    memory = carried(law, values, load_memory(law, rows, place), touch, touch, 0.0)
+    store_memory(law, memory, rows, place)

@@ -1,0 +1,162 @@
+"""Stages that end at rest, and what results say of stages."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from lcmchain.coupling.forming_fields import forming_datasets
+from lcmchain.fields.stages import rest_warnings, springback, stage_summary
+from lcmchain.fmu.frames import with_present
+from lcmchain.pipeline import run
+from lcmchain.report.stages import stage_chapters
+from lcmchain.scene import scene_from_text
+from lcmchain.solver.simulation import Simulation
+
+MS = 1e-3
+
+# A strip that is clamped at one end, bent by a weight at the other, and let go.
+BENT = """
+title = "bent strip"
+process = { frames = 24 }
+output = { pictures = false, vtu = false }
+blank = { size = ["60 mm", "20 mm"], edge_length = "10 mm" }
+material = { preset = "MD600" }
+
+[[grippers]]
+name = "clamp"
+box = ["-30 -10 -1 mm", "-20 10 1 mm"]
+hold = "xyz"
+
+[[grippers]]
+name = "weight"
+box = ["30 -10 -1 mm", "30 10 1 mm"]
+direction = [0, 0, -1]
+force = "20 mN"
+stages = ["bend"]
+
+[[stages]]
+name = "bend"
+time = "60 ms"
+mass_damping = "100 1/s"
+
+[[stages]]
+name = "release"
+time = "400 ms"
+rest = true
+"""
+
+
+def tip(simulation):
+    """Return by how much the end of the strip hangs down [m]."""
+    grip = next(grip for grip in simulation.model.grips if grip.name == "weight")
+    return float(grip.place[2] - simulation.state.position[2, grip.nodes] @ grip.weights)
+
+
+@pytest.fixture(scope="module")
+def released():
+    """The simulation of the strip at its end, its frames, and what it hung down before [m]."""
+    scene = scene_from_text(BENT)
+    simulation = Simulation.from_scene(scene)
+    frames, bent, steps = (simulation.snapshot(),), 0.0, []
+    for time in scene.frame_times[1:]:
+        simulation.advance_to(float(time))
+        frames = (*frames, simulation.snapshot())
+        steps.append(simulation.state.step_count)
+        if simulation.model.stage == 0:
+            bent = tip(simulation)
+    return scene, simulation, frames, bent, steps
+
+
+def test_a_strip_springs_back_as_an_elastic_one(released):
+    """All of what a weight has bent it: nothing else holds an elastic strip down."""
+    scene, simulation, frames, bent, _ = released
+    assert bent > 1e-3
+    assert abs(tip(simulation)) < 0.02 * bent
+    datasets = forming_datasets(scene, simulation, frames)
+    found = stage_summary(simulation.model, simulation.state, datasets)
+    # the best fit of both shapes takes part of the turn about the clamp off
+    assert 0.1 * bent < found["springback_max_m"] < bent
+    rest = found["stages"][1]["rest"]
+    assert rest["reached_s"] is not None and rest["energy_part"] <= 1e-4
+    assert rest_warnings(found) == []
+
+
+def test_rest_takes_no_more_steps_and_closes_the_balance(released):
+    _, simulation, _, _, steps = released
+    assert steps[-1] == steps[-2]  # the time that is left passes without any
+    assert simulation.time == pytest.approx(0.46)
+    energy = simulation.energy()
+    assert energy["kinetic"] == 0.0
+    assert abs(energy["balance_error"]) < 5e-3 * energy["external"]
+    samples = simulation.state.samples
+    assert int(simulation.state.counters[6]) == len(samples)
+    assert np.all(np.diff(samples[:, 0]) > 0.0)
+
+
+def test_results_say_which_stage_a_frame_belongs_to(released):
+    scene, simulation, frames, _, _ = released
+    datasets = forming_datasets(scene, simulation, frames)
+    stage = datasets["/history"]["stage"]
+    assert stage.attrs["flag_meanings"] == "bend release"
+    of_frames = stage.values.tolist()
+    assert of_frames == sorted(of_frames) and set(of_frames) == {0, 1}
+    border = datasets["/history"]["time"].values[of_frames.index(1) - 1]
+    assert border == pytest.approx(60 * MS)
+    values = datasets["/"]["springback"].values
+    assert not values[: of_frames.index(1)].any() and values[-1].max() > 1e-4
+    found = stage_summary(simulation.model, simulation.state, datasets)
+    headings = [(name, dict(rows)) for name, rows, _ in stage_chapters(found, datasets)]
+    assert [name for name, _ in headings] == ["1. bend", "2. release"]
+    assert "reached after" in headings[1][1]["rest"] and "springback" in headings[1][1]
+
+
+def test_a_unit_saves_frames_at_the_borders_it_meets(released):
+    scene, simulation, _, _, _ = released
+    other = Simulation.from_scene(scene)
+    kept = ()
+    for time in (0.0, 20 * MS, 60 * MS, 61 * MS):
+        other.advance_to(time)
+        kept = with_present(kept, other, scene)
+    assert 60 * MS in [frame.time for frame in kept]
+
+
+def test_springback_leaves_out_how_a_part_moves_as_a_body():
+    rng = np.random.default_rng(5)
+    points = rng.random((20, 3))
+    turn, _ = np.linalg.qr(rng.random((3, 3)))
+    turn[:, 0] *= np.sign(np.linalg.det(turn))
+    assert springback(points, points @ turn + [1.0, 2.0, 3.0]).max() < 1e-12
+    assert springback(points, points * [1.0, 1.0, 1.2]).max() > 0.01
+
+
+def test_a_run_that_is_killed_in_each_stage_resumes_to_the_same_bits(tmp_path, released):
+    """Its process ends between two checkpoints: what it has made since then is lost."""
+    scene, simulation, frames, _, _ = released
+
+    class Killed(Exception):
+        pass
+
+    times = iter((30 * MS, 75 * MS))
+    until = [next(times)]
+
+    def kill(time, total, text):
+        if "forming" in text and until and time > until[0]:
+            until[:] = [next(times)] if until[0] < 50 * MS else []
+            raise Killed
+
+    for resume in (False, True):
+        with pytest.raises(Killed):
+            run(scene, tmp_path, resume=resume, progress=kill, threads=1)
+    result = run(scene, tmp_path, resume=True, threads=1)
+    sheet = result.datasets["/"]
+    assert np.array_equal(
+        sheet["displacement_z"].values, forming_datasets(scene, simulation, frames)["/"][
+            "displacement_z"].values
+    )  # fmt: skip
+    summary = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+    assert summary["step_count"] == simulation.state.step_count
+    assert [stage["name"] for stage in summary["stages"]] == ["bend", "release"]
+    assert 'id="stages"' in (tmp_path / "report.html").read_text(encoding="utf-8")

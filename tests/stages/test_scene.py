@@ -1,0 +1,155 @@
+"""The tables of stages: what they fill in, and one clear error for each contradiction."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from lcmchain.errors import InputError
+from lcmchain.scene import scene_from_text
+from lcmchain.scene.rungs import on_rung
+from lcmchain.scene.stages import stage_at
+
+SCENE = """
+process = { frames = 13 }
+blank = { size = ["60 mm", "20 mm"], edge_length = "10 mm", height = "0.502 mm" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "die"
+shape = { type = "plate", side = "below" }
+
+[[tools]]
+name = "punch"
+shape = { type = "plate", side = "above" }
+position = "0 0 1.01 mm"
+stages = ["press", "open"]
+
+[[grippers]]
+name = "clamp"
+box = ["-30 -10 -1 mm", "-30 10 2 mm"]
+hold = "xyz"
+stages = ["press"]
+
+[[stages]]
+name = "press"
+time = "4 ms"
+motions.punch = { type = "stroke", direction = [0, 0, -1], distance = "0.2 mm" }
+
+[[stages]]
+name = "open"
+time = "2 ms"
+motions.punch = { type = "stroke", direction = [0, 0, 1], distance = "0.5 mm", profile = "linear" }
+
+[[stages]]
+name = "release"
+time = "6 ms"
+rest = true
+"""
+
+
+def scene(*overrides, text=SCENE):
+    return scene_from_text(text, overrides=overrides)
+
+
+def test_the_process_takes_the_times_of_its_stages_and_has_frames_at_their_borders():
+    staged = scene()
+    assert staged.process.time == pytest.approx(12e-3)
+    times = staged.frame_times
+    assert times.size == 13 and times[0] == 0.0 and times[-1] == staged.process.time
+    assert {0.004, 0.006} <= {round(float(time), 12) for time in times}
+    assert [stage_at(staged, time) for time in (0.0, 4e-3, 4.1e-3, 6e-3, 12e-3)] == [0, 0, 1, 1, 2]
+    assert scene('stages.press.time="8 ms"').process.time == pytest.approx(16e-3)
+
+
+def test_a_tool_has_its_course_over_all_stages_along_one_line():
+    """Which pictures and checks read; the other way along the line counts back."""
+    motion = scene().tools[1].motion
+    travel = dict(zip(motion.times, motion.travel, strict=True))
+    assert travel[0.0] == 0.0 and travel[4e-3] == pytest.approx(0.2e-3)
+    assert motion.times[-1] == pytest.approx(6e-3) and motion.travel[-1] == pytest.approx(-0.3e-3)
+    middle = np.interp(2e-3, motion.times, motion.travel)
+    assert middle == pytest.approx(0.1e-3, rel=1e-6)  # of a smooth stroke
+    assert scene().tools[0].motion.type == "fixed"
+
+
+def test_stages_say_who_is_at_work_and_what_moves():
+    press, opened, release = scene().stage_plans()
+    assert (press.tools, opened.tools, release.tools) == ((True, True), (True, True), (True, False))
+    assert [plan.grippers for plan in (press, opened, release)] == [(True,), (False,), (False,)]
+    assert (press.start, opened.start, release.start) == (0.0, 4e-3, 6e-3)
+    assert opened.motions[1].profile == "linear" and not release.motions[1].moves
+
+
+FOUND = (
+    SCENE.replace('time = "4 ms"\n', "").replace('time = "2 ms"\n', "")
+)  # fmt: skip
+
+
+def test_times_are_found_where_strokes_lead_and_damping_with_them():
+    found = scene(text=FOUND)
+    press, opened, release = found.stage_plans()
+    assert found.time_is_found and found.stages[0].time_is_found
+    assert not found.stages[2].time_is_found
+    assert press.mass_damping == pytest.approx(10.0 / press.time)
+    assert press.averaging == pytest.approx(0.06 * press.time)
+    assert release.mass_damping == 0.0 and np.isinf(release.averaging)
+    assert opened.time == pytest.approx(press.time)
+    own = scene('stages.press.mass_damping="7 1/s"', text=FOUND).stage_plans()[0]
+    assert own.mass_damping == 7.0
+
+
+def test_a_scene_on_another_rung_keeps_its_stages():
+    net = on_rung(scene(), "kinematic")
+    assert [stage.name for stage in net.stages] == ["press", "open", "release"]
+    assert net.process.time == pytest.approx(12e-3) and not net.grippers
+
+
+@pytest.mark.parametrize(
+    ("overrides", "told"),
+    [
+        (['process.time="10 ms"'], "process.time.*leave it out"),
+        (["process.frames=3"], "process.frames.*at least 4"),
+        (["tools.punch.stages=['press', 'opne']"], 'no stage of this name.*did you mean "open"'),
+        (["tools.punch.stages=['press', 'press']"], 'names "press" twice'),
+        (["tools.punch.stages=[]"], "tools.*stages"),
+        (["tools.punch.stages=['press']"], 'stages.1. "open".motions.punch.*not at work in this'),
+        (["stages.open.name='press'"], 'has the name "press" twice'),
+        (["stages.press.motions.pnuch={type='fixed'}"], 'did you mean "punch"'),
+        (
+            ["tools.punch.motion={type='stroke', direction=[0, 0, -1], distance='1 mm'}"],
+            "stages.press.motions.punch",
+        ),
+        (["stages.open.motions.punch.direction=[1, 0, 1]"], "along another line"),
+        (["stages.open.motions.punch.end='5 ms'"], "stages.open.time.*earlier end"),
+        (
+            ["stages.open.motions.punch={type='table', direction=[0,0,1], times='0 5 ms', "
+             "travel='0 1 mm'}"],
+            "after the end of the stage",
+        ),
+        (["stages.release.mass_damping='1 1/s'"], "leave one of them out"),
+        (["stages.press.rest_energy=0.01"], "belongs to rest = true"),
+        (["stages.release.springback_from='release'"], "stage before this one"),
+        (["process.quasi_static=2.0"], "the times of all stages are given"),
+        (
+            ["stages.open.motions.clamp={type='stroke', direction=[1,0,0], distance='1 mm'}"],
+            'gripper "clamp", which is not at work',
+        ),
+    ],
+)  # fmt: skip
+def test_what_contradicts_itself_is_one_clear_error(overrides, told):
+    with pytest.raises(InputError) as error:
+        scene(*overrides)
+    message = str(error.value)
+    assert re.search(told, message, re.DOTALL), message
+    assert "errors:" not in message
+
+
+def test_a_stage_without_time_and_stroke_is_an_error():
+    with pytest.raises(InputError, match="stages.*release.*time.*is missing"):
+        scene(text=SCENE.replace('time = "6 ms"\n', ""))
+    alone = SCENE.partition("[[stages]]")[0].replace("frames = 13", 'time = "5 ms"')
+    with pytest.raises(InputError, match="the scene has no .*stages"):
+        scene(text=alone)
