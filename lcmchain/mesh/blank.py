@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 from lcmchain.errors import InputError
 from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import cell_heights
+from lcmchain.mesh.contours import contours_of
 from lcmchain.mesh.cut import ON_OUTLINE, Cells
 from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
@@ -27,9 +28,7 @@ from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
     cross,
-    outline_of,
     place,
-    polygon_area,
 )
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.entry_types import (
@@ -266,14 +265,15 @@ def build_blank(
             f"perturbation must lie between 0 and {MAXIMUM_PERTURBATION:g} of the edge length, "
             f"got {perturbation:g}"
         )
-    outline, outline_key = outline_of(blank_spec)
-    area = polygon_area(outline)
-    check_element_count(outline, area, edge_length)
+    contours, outline_key = contours_of(blank_spec)
+    area = contours.area
+    check_element_count(contours.rim, area, edge_length)
 
     to_fibres = _rotation(-float(blank_spec.fibre_angle))
     to_scene = to_fibres.T
-    check_lattice_size(outline @ to_fibres.T, edge_length)
-    cells = best_lattice(outline @ to_fibres.T, edge_length)
+    in_fibres = contours.turned(to_fibres)
+    check_lattice_size(in_fibres.rim, edge_length)
+    cells = best_lattice(in_fibres, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
 
     placed = cells
@@ -312,9 +312,9 @@ def _check_coverage(
             key=key,
         )
     if cells.smallest_height <= 0.0:
-        place = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
+        middle = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
         raise InputError(
-            f"cannot be meshed near {place(place)}, an element would be inverted; {advice}",
+            f"cannot be meshed near {place(middle)}, an element would be inverted; {advice}",
             key=key,
         )
     difference = cells.area / area - 1.0

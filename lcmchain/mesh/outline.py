@@ -41,14 +41,14 @@ def outline_of(blank_spec: Any) -> tuple[np.ndarray, str]:
         outline = outline[:-1]  # written as a closed polygon
     if len(outline) < 3:
         raise InputError(f"needs at least three different points, got {len(outline)}", key=key)
-    _check_simple(outline, key)
+    check_simple(outline, key)
     if polygon_area(outline) < 0.0:
         outline = outline[::-1]
     return np.ascontiguousarray(outline), key
 
 
-def _check_simple(outline: np.ndarray, key: str) -> None:
-    """Raise InputError where the polygon repeats a point, touches or crosses itself."""
+def check_simple(outline: np.ndarray, key: str) -> None:
+    """Raise InputError where a polygon repeats a point, touches or crosses itself."""
     vertex_count = len(outline)
     start, end = outline, np.roll(outline, -1, axis=0)
     along = end - start
