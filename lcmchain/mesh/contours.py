@@ -85,6 +85,16 @@ class Contours:
         """Ends of the sides that begin at each corner [m], shape (n, 2)."""
         return self.points[self.after]
 
+    @property
+    def loop_count(self) -> int:
+        """Number of closed boundaries of the sheet: a slit from the rim to a hole joins them."""
+        size = float(np.ptp(self.rim, axis=0).max())
+        begun = [
+            sum(_distance(ring, slit[end]) <= ON_RIM * size for ring in self.rings for end in (0, -1))
+            for slit in self.slits
+        ]
+        return len(self.rings) + begun.count(0) - begun.count(2)
+
     @cached_property
     def area(self) -> float:
         """Area of the sheet [m2]."""
@@ -159,7 +169,7 @@ def contours_of(blank_spec: Any) -> tuple[Contours, str]:
     InputError : as :func:`lcmchain.mesh.outline.outline_of` and :func:`with_cuts`.
     """
     rim, key = outline_of(blank_spec)
-    cuts = {name: getattr(blank_spec, name, None) or () for name in ("holes", "darts", "slits")}
+    cuts = getattr(blank_spec, "cuts", None) or {}
     if not any(cuts.values()):
         return Contours.of_rim(rim), key
     arrays = {

@@ -98,7 +98,8 @@ def scene_from_text(
         apply_overrides(data, overrides)
         require_within_limits(data, path)
     try:
-        scene = Scene.model_validate(copy.deepcopy(data), context=FROM_FILE)
+        context = FROM_FILE | {"directory": directory}
+        scene = Scene.model_validate(copy.deepcopy(data), context=context)
     except ValidationError as error:
         # Files are looked up even so, to report everything that is wrong at once.
         missing = _missing_files(data, directory)
