@@ -198,7 +198,9 @@ class Blank(SceneModel):
         """Width along x and height along y of the bounding box [m]."""
         if self.size is not None:
             return self.size
-        x, y = zip(*self.rim)  # type: ignore[misc]
+        if self.rim is None:  # a drawing that is not there, which is told elsewhere
+            return math.inf, math.inf
+        x, y = zip(*self.rim)
         return max(x) - min(x), max(y) - min(y)
 
 

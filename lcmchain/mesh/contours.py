@@ -23,6 +23,8 @@ from lcmchain.mesh.outline import check_simple, cross, outline_of, place, polygo
 ON_RIM = 1e-6
 # Corners that turn by at least this angle get a node of their own.
 CORNER_ANGLE = math.radians(15.0)
+# Wedges that are cut out with a sharper angle are narrower than an element at their tip.
+SHARP_ANGLE = math.radians(75.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +66,25 @@ class Contours:
         return len(self.starts) == 2 and not self.slits and not self.darts
 
     @property
-    def has_seams(self) -> bool:
-        """Whether darts or slits part the sheet where they are narrower than elements."""
-        return bool(self.slits or self.darts)
+    def seams(self) -> list[np.ndarray]:
+        """Lines that part the sheet where they are narrower than elements: cuts and holes."""
+        holes = [np.concatenate([ring, ring[:1]]) for ring in self.rings[1:]]
+        return [*self.slits, *self.darts, *holes]
+
+    def into_wedge(self, vertex: int) -> np.ndarray | None:
+        """Return a line (2, 2) into the wedge of a dart, or the sharp corner of a hole, at a corner.
+
+        None for corners of the rim, and blunt ones.
+        """
+        point = self.points[vertex]
+        if vertex < self.starts[1] and not any(np.array_equal(d[1], point) for d in self.darts):
+            return None
+        sides = self.points[[self.before[vertex], self.after[vertex]]] - point
+        lengths = np.hypot(*sides.T)
+        along = sides / lengths[:, None]
+        if cross(along[1], along[0]) >= 0.0 or along[0] @ along[1] < math.cos(SHARP_ANGLE):
+            return None
+        return np.array([point, point + 0.5 * lengths.min() * along.sum(axis=0)])
 
     @cached_property
     def after(self) -> np.ndarray:
@@ -288,6 +306,12 @@ def _on_rim(
             key=key,
         )
     side = int(np.argmin(np.where(meets, way, np.inf)))
+    if (meets & (way > way[side] + ON_RIM * size / np.hypot(*leg))).any():
+        raise InputError(
+            f"crosses the rim or another dart between its apex {place(apex)} and {place(point)}; "
+            "give points of the rim, and leave some elements between darts",
+            key=key,
+        )
     at = float(np.clip(part[side], 0.0, 1.0))
     if np.hypot(*(point - (start[side] + at * along[side]))) <= 1e-9 * size:
         return side, point  # its own digits

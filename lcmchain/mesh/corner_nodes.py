@@ -43,7 +43,7 @@ def choose_corner_nodes(
         taken = set(chosen.values())
         best = None
         candidates = _nodes_near(point, x_lines, y_lines, (column, row), pitch)
-        if contours.has_seams:
+        if not contours.is_plain:
             tip = tip_at(contours, vertex, x_lines, y_lines, pitch)
             candidates = candidates if tip is None else tip.nodes
         for candidate in candidates:

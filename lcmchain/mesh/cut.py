@@ -113,7 +113,7 @@ def cut_lattice(
     )
     row_count = len(y_lines)
     lattice = _cut_edges(contours, x_lines, y_lines)
-    if contours.has_seams:
+    if not contours.is_plain:
         lattice = part_at_seams(contours, lattice, x_lines, y_lines, pitch, corner_nodes)
     cuts, positions = lattice.cuts, lattice.positions
     node_class = np.where(lattice.is_inside, INSIDE, OUTSIDE)
@@ -122,7 +122,7 @@ def cut_lattice(
     node_class[lattice.on_seams] = ON_OUTLINE
     for vertex in contours.corners():
         point = contours.vertex(vertex)
-        tip = tip_at(contours, vertex, x_lines, y_lines, pitch) if contours.has_seams else None
+        tip = tip_at(contours, vertex, x_lines, y_lines, pitch) if not contours.is_plain else None
         if vertex in corner_nodes:
             column, row = corner_nodes[vertex]
         elif tip is not None:

@@ -1,7 +1,7 @@
-"""Lattice parted along seams: darts and slits that are narrower than its cells.
+"""Lattice parted along seams: darts, slits and holes, where they are narrower than its cells.
 
-A lattice edge that a dart or slit crosses has both ends in the sheet, and a cell that one crosses
-is in the sheet on either side of it. Such a cell is taken once for each piece of the sheet in it,
+A lattice edge that a slit crosses has both ends in the sheet, and a cell that it crosses is in the
+sheet on either side of it; so it is near the apex of a dart and in a sharp corner of a hole. Such a cell is taken once for each piece of the sheet in it,
 with nodes of its own: pieces of neighbouring cells have nodes in common where they meet along the
 edge between them (phantom nodes, Hansbo and Hansbo 2004). Each piece is then cut at the seam as
 cells at an outline are (:mod:`lcmchain.mesh.cut`), and neither side knows of the other.
@@ -178,7 +178,7 @@ class _Parts:
         self.slits = _long_slits(contours, self.extensions, pitch)
         self.pieces: list[_Piece] = []
         self.of_cell: dict[tuple[int, int], list[int]] = {}
-        seams = (*contours.slits, *contours.darts, *self.extensions)
+        seams = (*contours.seams, *self.extensions)
         for cell in _cells_at(seams, *lines, pitch):
             found = list(self._pieces_in(cell))
             self.of_cell[cell] = list(range(len(self.pieces), len(self.pieces) + len(found)))
@@ -592,10 +592,7 @@ def _ends_of(
 def _line_from(contours: Contours, vertex: int) -> np.ndarray | None:
     """Line of a seam from its tip outward; None for corners that are no tips."""
     if vertex < len(contours.points):
-        for dart in contours.darts:
-            if np.array_equal(dart[1], contours.points[vertex]):
-                return np.array([dart[1], 0.5 * (dart[0] + dart[2])])
-        return None
+        return contours.into_wedge(vertex)
     first = len(contours.points)
     for slit in contours.slits:
         last = first + len(slit) - 1
@@ -615,7 +612,7 @@ def _passes(
     entry: tuple[int, int, float, np.ndarray],
     lines: tuple[np.ndarray, np.ndarray],
 ) -> bool:
-    """Whether both sides of a dart cross the lattice edge that its middle crosses."""
+    """Whether both sides of a wedge cross the lattice edge that its middle crosses."""
     axis, number, middle, _ = entry
     apex = contours.points[vertex]
     upper = int(np.clip(np.searchsorted(lines[1 - axis], middle), 1, len(lines[1 - axis]) - 1))
