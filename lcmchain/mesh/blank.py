@@ -193,6 +193,13 @@ class Blank(SceneModel):
         """Entries of the shape, a drawing as points."""
         return {"size": self.size, "outline": self.rim, **self.cuts}
 
+    def with_outline(self, outline: np.ndarray) -> Self:
+        """Return the blank with another outline (n, 2) [m], and its own holes, darts and slits."""
+        changes = {"size": None, "outline": _points_of(outline), "drawing": None, **self.cuts}
+        changed = self.model_copy(update=changes)
+        changed._drawn = None
+        return changed
+
     @property
     def extent(self) -> tuple[float, float]:
         """Width along x and height along y of the bounding box [m]."""
