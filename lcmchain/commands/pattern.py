@@ -1,4 +1,4 @@
-"""``lcmchain pattern``: lines on a formed sheet, trimming line, and the flat pattern of a net shape."""
+"""``lcmchain pattern``: lines on a formed sheet, trimming line, flat pattern of a net shape."""
 
 from __future__ import annotations
 
@@ -135,9 +135,7 @@ def flat(
     line = read_line(net, length_unit)
     with output_folder(out, inputs=[scene, net]) as folder, progress_bar() as report:
         forming = SceneForming(the_scene, folder, ply, report)
-        found = flat_pattern(
-            line, forming, tolerance=limit, most_rounds=rounds, key="--net"
-        )
+        found = flat_pattern(line, forming, tolerance=limit, most_rounds=rounds, key="--net")
         write_line(folder / "pattern.csv", found[-1].outline)
         write_line(folder / "pattern.dxf", found[-1].outline)
     _tell(found, forming.edge_length, limit, folder)

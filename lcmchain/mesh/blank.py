@@ -75,9 +75,7 @@ Dart = Annotated[
         units=False,
     ),
 ]
-Slit = Annotated[
-    tuple[PointInPlane, ...], _corners('[["150 mm", "0 mm"], ["90 mm", "0 mm"]]', 2)
-]
+Slit = Annotated[tuple[PointInPlane, ...], _corners('[["150 mm", "0 mm"], ["90 mm", "0 mm"]]', 2)]
 
 
 class Blank(SceneModel):
@@ -441,9 +439,7 @@ def _check_coverage(
         )
 
 
-def _check_loops(
-    cells: Cells, contours: Contours, in_fibres: Contours, edge_length: float
-) -> None:
+def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_length: float) -> None:
     """Refuse holes and slits that are lost between the elements, or run into each other."""
     edges = boundary_edges(cells.faces)
     ends = np.unique(edges)

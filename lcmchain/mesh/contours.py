@@ -72,7 +72,7 @@ class Contours:
         return [*self.slits, *self.darts, *holes]
 
     def into_wedge(self, vertex: int) -> np.ndarray | None:
-        """Return a line (2, 2) into the wedge of a dart, or the sharp corner of a hole, at a corner.
+        """Return a line (2, 2) into the wedge of a dart or the sharp corner of a hole, at a corner.
 
         None for corners of the rim, and blunt ones.
         """
@@ -108,7 +108,11 @@ class Contours:
         """Number of closed boundaries of the sheet: a slit from the rim to a hole joins them."""
         size = float(np.ptp(self.rim, axis=0).max())
         begun = [
-            sum(_distance(ring, slit[end]) <= ON_RIM * size for ring in self.rings for end in (0, -1))
+            sum(
+                _distance(ring, slit[end]) <= ON_RIM * size
+                for ring in self.rings
+                for end in (0, -1)
+            )
             for slit in self.slits
         ]
         return len(self.rings) + begun.count(0) - begun.count(2)

@@ -10,7 +10,7 @@ import shapely
 from lcmchain.mesh.cells import boundary_edges
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.cut import ON_OUTLINE, Cells, cut_lattice, nearest_node
-from lcmchain.mesh.seams import tip_at
+from lcmchain.mesh.seam_tips import tip_at
 from lcmchain.mesh.step_measure import cut_nodes
 
 # Nodes up to this far from a corner may take it, and cells up to twice as far tell how well; in

@@ -19,7 +19,8 @@ from shapely import contains_xy
 from lcmchain.mesh.cells import cell_heights, corner_sines, piece_count
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
-from lcmchain.mesh.seams import COINCIDENT, CutEdges, Lattice, copies_at, line_cuts, part_at_seams, tip_at
+from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
+from lcmchain.mesh.seams import CutEdges, Lattice, copies_at, line_cuts, part_at_seams
 from lcmchain.mesh.step_measure import step_ratio
 from lcmchain.mesh.tips import fill_tips
 

@@ -25,8 +25,11 @@ from lcmchain.quantities.units import length_factor
 try:
     import ezdxf
     from ezdxf import recover, units
-except ImportError:  # an environment that was set up without it
-    ezdxf = None
+except ImportError as error:  # an environment that was set up without it
+    raise InputError(
+        "a drawing is read by the Python library ezdxf, which is not installed; install it with: "
+        "pip install ezdxf"
+    ) from error
 
 #: A side of an arc turns by this at most: corners of the outline turn by more.
 LARGEST_TURN = math.radians(10.0)
@@ -109,12 +112,6 @@ def read_drawing(
 
 def _document(path: Path) -> Any:
     """Open a drawing, whatever its ending."""
-    if ezdxf is None:
-        raise InputError(
-            "a drawing is read by the Python library ezdxf, which is not installed; install it "
-            "with: pip install ezdxf",
-            file=path,
-        )
     try:
         with open(path, "rb") as opened:
             start = opened.read(64)
@@ -142,7 +139,9 @@ def _unit(document: Any, length_unit: str | None, path: Path) -> float:
         raise InputError(
             'does not say its unit ($INSUNITS); give length_unit, for example "mm"', file=path
         )
-    return float(units.conversion_factor(document.units, units.M))
+    return float(
+        units.conversion_factor(units.InsertUnits(document.units), units.InsertUnits.Meters)
+    )
 
 
 def _entities(space: Iterable[Any], depth: int, path: Path) -> Iterator[Any]:
@@ -228,6 +227,8 @@ def _arc_points(entity: Any, sagitta: float) -> Iterator[Any]:
     radius = abs(entity.dxf.radius)
     turn = 2.0 * math.acos(max(1.0 - sagitta / radius, -1.0)) if radius > 0.0 else LARGEST_TURN
     count = math.ceil(math.radians(way) / min(turn, LARGEST_TURN) - 1e-9)
+    if way == 360.0:
+        count += -count % 4  # a circle has the symmetries of a square
     points = list(entity.vertices(first + way * np.arange(count + 1) / count))
     yield from points[:-1]
     yield points[0] if way == 360.0 else points[-1]

@@ -13,7 +13,7 @@ from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.corner_nodes import choose_corner_nodes
 from lcmchain.mesh.cut import INSIDE_REACH, Cells, cut_lattice
 from lcmchain.mesh.outline import whole_number
-from lcmchain.mesh.seams import COINCIDENT
+from lcmchain.mesh.seam_tips import COINCIDENT
 
 # Pitch may deviate by this factor from the edge length to fit diagonals to the outline.
 DIAGONAL_FIT = 1.25

@@ -1,10 +1,11 @@
 """Trimming line and flat pattern: which flat outline gives the wanted rim of a formed part.
 
-The wanted rim is a closed line in plan, seen along z. On a part that reaches beyond it the line maps
-back to the flat blank, which is the trimming line. A blank that is cut there before forming comes
-out a little otherwise, since what was cut off no longer holds the rest. So it is formed again, and
-each point of the outline moves by what its image misses of the wanted rim, mapped back through the
-deformation there: Newton's method with the deformation gradient in place of the full derivative.
+The wanted rim is a closed line in plan, seen along z. On a part that reaches beyond it the line
+maps back to the flat blank, which is the trimming line. A blank that is cut there before forming
+comes out a little otherwise, since what was cut off no longer holds the rest. So it is formed
+again, and each point of the outline moves by what its image misses of the wanted rim, mapped back
+through the deformation there: Newton's method with the deformation gradient in place of the full
+derivative.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def miss(rim: np.ndarray, goal: np.ndarray) -> float:
 
 
 def sampled(line: np.ndarray, spacing: float) -> np.ndarray:
-    """Return a closed line (n, 2) with corners kept and points between them about ``spacing`` [m]."""
+    """Return a closed line (n, 2) with its corners, and points about ``spacing`` [m] between."""
     into = line - np.roll(line, 1, axis=0)
     onward = np.roll(line, -1, axis=0) - line
     turn = np.abs(

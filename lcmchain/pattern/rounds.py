@@ -60,7 +60,7 @@ class SceneForming:
         return FormedSheet.of_result(result.datasets[self.ply or SHEET])
 
     def _with(self, outline: np.ndarray) -> Scene:
-        if self.ply is None and not self.scene.plies:
+        if self.scene.blank is not None:
             return self.scene.model_copy(update={"blank": self.scene.blank.with_outline(outline)})
         name = self.ply or self.scene.stack[0].name
         plies = tuple(

@@ -64,8 +64,8 @@ _PLIES = (
     'layup = "[0/90, 45/-45]s" beside [blank] and [material]'
 )
 _OUTLINE = (
-    "[blank] and [[plies]] have holes, darts and slits, each a list of points, and drawing for a DXF "
-    "file (lcmchain docs outlines); notches are corners of outline"
+    "[blank] and [[plies]] have holes, darts and slits, each a list of points, and drawing for a "
+    "DXF file (lcmchain docs outlines); notches are corners of outline"
 )
 _HELD_BY_TOOLS = (
     "[[grippers]] hold, lead or pull a place of the sheet (lcmchain docs grippers); a plate with "

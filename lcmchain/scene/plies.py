@@ -419,10 +419,7 @@ def _height_on(laid: Sequence[PlySettings], ply: PlySettings) -> float:
 
 def _meet(one: PlySettings, other: PlySettings) -> bool:
     """Whether two plies cover a common part of the plane."""
-    if (
-        one.blank.shape == other.blank.shape
-        and one.center == other.center
-    ):
+    if one.blank.shape == other.blank.shape and one.center == other.center:
         return True
     area = one.contours.polygon.intersection(other.contours.polygon).area
     return bool(area > 1e-9 * math.prod(one.blank.extent))

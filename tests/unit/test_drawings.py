@@ -105,7 +105,9 @@ def test_splines_blocks_and_layers(tmp_path):
         block = document.blocks.new("PLATE")
         rounded_plate(block)
         space.add_blockref("PLATE", (100, 0), dxfattribs={"layer": "CUT", "rotation": 90})
-        space.add_spline([(20, 100), (40, 120), (60, 100), (40, 80), (20, 100)], dxfattribs={"layer": "CUT"})
+        space.add_spline(
+            [(20, 100), (40, 120), (60, 100), (40, 80), (20, 100)], dxfattribs={"layer": "CUT"}
+        )
         space.add_line((-50, -50), (400, 300), dxfattribs={"layer": "FRAME"})
         space.add_text("part 7", dxfattribs={"layer": "CUT"})
         space.add_line((50, 0), (50, 20), dxfattribs={"layer": "SLIT"})
@@ -128,7 +130,9 @@ def test_a_scene_is_drawn_and_keeps_its_own_cuts_beside(tmp_path):
 
     drawing_of(draw).saveas(tmp_path / "part.dxf")
     more = ', slit_layer = "SLIT"'
-    cuts = '\nholes = [[["100 mm", "20 mm"], ["120 mm", "20 mm"], ["120 mm", "40 mm"], ["100 mm", "40 mm"]]]'
+    cuts = (
+        '\nholes = [[["10 cm", "2 cm"], ["12 cm", "2 cm"], ["12 cm", "4 cm"], ["10 cm", "4 cm"]]]'
+    )
     text = SCENE.format(more=more).replace("[material]", cuts + "\n[material]")
     (tmp_path / "scene.toml").write_text(text)
     scene = read_scene(tmp_path / "scene.toml")
@@ -182,7 +186,7 @@ def wrong_flat(space, _):
 @pytest.mark.parametrize(
     ("draw", "options", "words"),
     [
-        (wrong_gap, {}, ['not closed', 'layer "0"', "(0, 0.5) mm", "0.5 mm from the next end"]),
+        (wrong_gap, {}, ["not closed", 'layer "0"', "(0, 0.5) mm", "0.5 mm from the next end"]),
         (wrong_crossing, {}, ["intersects itself", 'on layer "0"', "(100, 0) mm"]),
         (wrong_branch, {}, ["branches at (0, 0) mm", "3 ends"]),
         (wrong_outer, {}, ["2 contours that lie in no other one", 'layer "B"', "(420, 0) mm"]),
@@ -191,7 +195,7 @@ def wrong_flat(space, _):
         (wrong_flat, {}, ["is not flat", "5 mm of z"]),
         (wrong_outer, {"layer": "C"}, ['nothing on a layer "C"', '"0", "B"']),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_drawing_is_one_error_with_layer_handle_and_place(tmp_path, draw, options, words):
     with pytest.raises(InputError) as caught:
         read(drawing_of(draw), tmp_path, **options)
@@ -215,7 +219,9 @@ def test_no_unit_and_no_drawing_are_told(tmp_path):
     with pytest.raises(InputError, match='no file "part.dxf"') as caught:
         read_scene(tmp_path / "scene.toml")
     assert caught.value.key == "blank.drawing.file"
-    (tmp_path / "scene.toml").write_text(SCENE.format(more="") .replace("[blank]", '[blank]\nsize = ["1 m", "1 m"]'))
+    (tmp_path / "scene.toml").write_text(
+        SCENE.format(more="").replace("[blank]", '[blank]\nsize = ["1 m", "1 m"]')
+    )
     drawing_of(lambda space, _: rounded_plate(space)).saveas(tmp_path / "part.dxf")
     with pytest.raises(InputError, match="not size and drawing"):
         read_scene(tmp_path / "scene.toml")

@@ -1,4 +1,4 @@
-"""Holes, darts and slits: the mesh covers what is left, no cell lies across a cut, errors are one."""
+"""Holes, darts and slits: the mesh covers what is left, and no cell lies across a cut."""
 
 import math
 
@@ -49,7 +49,10 @@ INNER = {"slits": (((-0.05, 0.02), (0.07, 0.063)),)}
 BENT = {"slits": (((-0.15, 0.0213), (0.0, 0.03), (0.03, 0.09)),)}
 ALL = {
     "holes": (rectangle(0.05, 0.03, (0.0, -0.05)),),
-    "darts": (((0.16, -0.02), (0.06, 0.0), (0.16, 0.02)), ((-0.02, 0.15), (0.0, 0.1), (0.01, 0.15))),
+    "darts": (
+        ((0.16, -0.02), (0.06, 0.0), (0.16, 0.02)),
+        ((-0.02, 0.15), (0.0, 0.1), (0.01, 0.15)),
+    ),
     "slits": (((-0.1, -0.1), (-0.09, 0.05)), ((-0.15, 0.1), (-0.06, 0.11))),
 }
 CASES = {
@@ -117,7 +120,10 @@ def test_lips_of_a_slit_have_nodes_of_their_own_at_the_same_places():
     assert len(found) == 40
     for first, second in found:
         assert points[first, 1] == pytest.approx(0.0, abs=1e-12)
-        sides = [np.sign(points[slit.faces[(slit.faces == n).any(axis=1)], 1].mean()) for n in (first, second)]
+        sides = [
+            np.sign(points[slit.faces[(slit.faces == n).any(axis=1)], 1].mean())
+            for n in (first, second)
+        ]
         assert sides[0] == -sides[1] != 0.0
 
 
@@ -128,7 +134,9 @@ def test_a_drawn_in_dart_keeps_both_its_sides():
     apex = np.array(NARROW["darts"][0][1])
     points = mesh.mid_surface_positions[:, :2]
     for way in np.linspace(0.02, 0.95, 30):
-        across = shapely.LineString([apex + way * (np.array([-0.15, y]) - apex) for y in (0.006, -0.006)])
+        across = shapely.LineString(
+            [apex + way * (np.array([-0.15, y]) - apex) for y in (0.006, -0.006)]
+        )
         cut = shapely.intersection(cells_of(mesh), across)
         assert shapely.length(cut).sum() < across.length - 1e-7
     assert np.hypot(*(points - apex).T).min() < 1e-12
@@ -196,8 +204,16 @@ def test_a_scene_has_them_and_a_ply_of_a_stack_too():
     ("cuts", "key", "words"),
     [
         ({"holes": (rectangle(0.02, 0.02, (0.3, 0.0)),)}, "holes[0]", "outside the outline"),
-        ({"holes": (rectangle(0.02, 0.02, (0.15, 0.0)),)}, "holes[0]", "touches or crosses the outline"),
-        ({"holes": (rectangle(0.02, 0.02, (0.14, 0.0)),)}, "holes[0]", "touches or crosses the outline"),
+        (
+            {"holes": (rectangle(0.02, 0.02, (0.15, 0.0)),)},
+            "holes[0]",
+            "touches or crosses the outline",
+        ),
+        (
+            {"holes": (rectangle(0.02, 0.02, (0.14, 0.0)),)},
+            "holes[0]",
+            "touches or crosses the outline",
+        ),
         ({"holes": (rectangle(0.4, 0.02),)}, "holes[0]", "touches or crosses the outline"),
         (
             {"holes": (rectangle(0.04, 0.04), rectangle(0.04, 0.04, (0.03, 0.0)))},
@@ -209,15 +225,27 @@ def test_a_scene_has_them_and_a_ply_of_a_stack_too():
             "holes[1]",
             "touches or crosses blank.holes[0]",
         ),
-        ({"holes": (((0, 0), (0.05, 0.05), (0.05, 0), (0, 0.05)),)}, "holes[0]", "intersects itself"),
+        (
+            {"holes": (((0, 0), (0.05, 0.05), (0.05, 0), (0, 0.05)),)},
+            "holes[0]",
+            "intersects itself",
+        ),
         ({"holes": (circle(0.001, (0.0021, 0.0017)),)}, "holes[0]", "narrower than two elements"),
         (
             {"holes": (rectangle(0.02, 0.02, (0.1385, 0.0)),)},
             "blank",
             "nearer to each other or to the rim",
         ),
-        ({"darts": (((0.15, 0.01), (0.2, 0.0), (0.15, -0.01)),)}, "darts[0]", "not inside the outline"),
-        ({"darts": (((0.14, 0.01), (0.1, 0.0), (0.15, -0.01)),)}, "darts[0]", "does not reach the rim"),
+        (
+            {"darts": (((0.15, 0.01), (0.2, 0.0), (0.15, -0.01)),)},
+            "darts[0]",
+            "not inside the outline",
+        ),
+        (
+            {"darts": (((0.14, 0.01), (0.1, 0.0), (0.15, -0.01)),)},
+            "darts[0]",
+            "does not reach the rim",
+        ),
         ({"darts": (((0.15, 0.0), (0.1, 0.0), (0.15, 0.0)),)}, "darts[0]", "has no width"),
         (
             {
@@ -228,23 +256,35 @@ def test_a_scene_has_them_and_a_ply_of_a_stack_too():
             "touches or crosses the outline",
         ),
         (
-            {"darts": (((0.15, 0.01), (0.0, 0.0), (0.15, -0.01)), ((0.01, 0.15), (0.05, -0.05), (-0.01, 0.15)))},
+            {
+                "darts": (
+                    ((0.15, 0.01), (0.0, 0.0), (0.15, -0.01)),
+                    ((0.01, 0.15), (0.05, -0.05), (-0.01, 0.15)),
+                )
+            },
             "darts[1]",
             "crosses the rim or another dart",
         ),
         ({"slits": (((-0.15, 0.0), (0.15, 0.01)),)}, "slits[0]", "divides the blank in two"),
         ({"slits": (((-0.2, 0.0), (0.2, 0.01)),)}, "slits[0]", "divides the blank in two"),
         (
-            {"holes": (rectangle(0.04, 0.04),), "slits": (((-0.15, 0.0), (0.0, 0.0)), ((0.15, 0.0), (0.0, 0.0)))},
+            {
+                "holes": (rectangle(0.04, 0.04),),
+                "slits": (((-0.15, 0.0), (0.0, 0.0)), ((0.15, 0.0), (0.0, 0.0))),
+            },
             "slits[1]",
             "divides the blank in two",
         ),
         ({"slits": (((0.2, 0.0), (0.3, 0.0)),)}, "slits[0]", "lies outside"),
-        ({"slits": (((-0.15, 0.0), (0.0, 0.0)), ((-0.05, -0.05), (-0.05, 0.05)))}, "slits[1]", "touches"),
+        (
+            {"slits": (((-0.15, 0.0), (0.0, 0.0)), ((-0.05, -0.05), (-0.05, 0.05)))},
+            "slits[1]",
+            "touches",
+        ),
         ({"slits": (((0, 0), (0.05, 0.05), (0.05, 0), (0, 0.05)),)}, "slits[0]", "crosses itself"),
         ({"slits": (((0.15, 0.0), (0.15, 0.1)),)}, "slits[0]", "runs along the rim"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_cut_is_one_clear_error(cuts, key, words):
     with pytest.raises(InputError) as caught:
         build_blank(blank_of(**cuts), THICKNESS)

@@ -74,7 +74,7 @@ def test_a_section_through_a_hole_has_two_strips():
 
 
 def test_the_draw_in_is_the_way_inward_of_the_outer_rim():
-    """A sheet that shrinks by a tenth in x: its sides move in, those along x only along themselves."""
+    """A sheet that shrinks by a tenth in x: its ends move in, its sides along themselves."""
     square = ((-0.02, -0.02), (0.02, -0.02), (0.02, 0.02), (-0.02, 0.02))
     mesh = mesh_of(holes=(square,))
     table = rim_table(result_of(mesh, mesh.node_positions * [0.9, 1.0, 1.0]))
