@@ -7,7 +7,7 @@ without a width: the sheet has two lips there, at the same place before forming.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -154,13 +154,13 @@ class Contours:
         """Return the contours shifted in the plane."""
         return self.moved(lambda points: points + shift)
 
-    def moved(self, change: object) -> Contours:
+    def moved(self, change: Callable[[np.ndarray], np.ndarray]) -> Contours:
         """Return the contours with all corners changed by a function of (k, 2)."""
         return replace(
             self,
-            points=change(self.points),  # type: ignore[operator]
-            slits=tuple(change(slit) for slit in self.slits),  # type: ignore[operator]
-            darts=tuple(change(dart) for dart in self.darts),  # type: ignore[operator]
+            points=change(self.points),
+            slits=tuple(change(slit) for slit in self.slits),
+            darts=tuple(change(dart) for dart in self.darts),
         )
 
     def corners(self) -> list[int]:

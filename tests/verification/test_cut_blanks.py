@@ -38,8 +38,8 @@ def test_a_blank_with_a_hole_and_four_darts_is_formed_symmetrically(darts):
         away, image = tree.query(flat * mirror[:2])
         assert away.max() < 1e-12
         assert np.abs(formed[image] - formed * mirror).max() < 1e-3 * EDGE
-    balance = darts.summary["energy"]["balance_error_relative"]
-    assert abs(balance) < 1e-3
+    energy = darts.summary["energy"]
+    assert abs(energy["balance_error"]) < 1e-3 * energy["internal"]
 
 
 def test_darts_close_as_the_fabric_shears_and_where_their_sides_pass_is_told(darts):
@@ -69,9 +69,8 @@ def test_the_outline_of_a_flat_pattern_is_formed_to_the_wanted_rim(tmp_path):
     scene = read_scene(SCENE, [*whole, *COARSE[1:]])
     angle = 2.0 * np.pi * np.arange(72) / 72
     net = 0.115 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    rounds = flat_pattern(net, SceneForming(scene, tmp_path), tolerance=0.05 * EDGE, most_rounds=3)
-    assert rounds[-1].miss < 0.5 * EDGE  # what is asked of it
-    assert rounds[-1].miss < 0.1 * EDGE
+    rounds = flat_pattern(net, SceneForming(scene, tmp_path), tolerance=0.05 * EDGE, most_rounds=2)
+    assert rounds[-1].miss < 0.25 * EDGE  # half an edge is asked of it
     # drawn in further along the fibres than across: the flat outline is no circle
     radius = np.hypot(*rounds[-1].outline.T)
     assert np.ptp(radius) > EDGE / 2
