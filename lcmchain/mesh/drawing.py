@@ -49,7 +49,7 @@ class Drawing(SceneModel):
         Annotated[str, LengthUnit()] | None, AbsentMeans("that of the drawing")
     ] = Field(
         default=None,
-        description="Unit of the coordinates; it goes before that of the drawing ($INSUNITS).",
+        description="Unit of the coordinates; it goes before that of the drawing (INSUNITS).",
     )
     sagitta: PositiveLength = Field(  # type: ignore[assignment]
         default="0.02 mm",
