@@ -30,6 +30,7 @@ from lcmchain.commands.identify import identify_app
 from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import ModelRung, OutFolder, Overrides, SceneFile, Strict
+from lcmchain.commands.pattern import pattern_app
 from lcmchain.commands.precice import precice
 from lcmchain.commands.run_report import print_result
 from lcmchain.commands.structure import structure
@@ -67,6 +68,7 @@ app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
 app.add_typer(verify_app, name="verify")
 app.add_typer(study_app, name="study")
+app.add_typer(pattern_app, name="pattern")
 
 
 def _show_version(asked: bool) -> None:

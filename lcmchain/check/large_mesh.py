@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from lcmchain.check.saved_frames import physical_memory
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.outline import check_element_count, polygon_area
+from lcmchain.mesh.outline import check_element_count
 from lcmchain.scene import Scene
 
 #: Elements from which on a mesh is not built for a check, and about how many it has in its place.
@@ -72,7 +72,7 @@ def checked_mesh(scene: Scene) -> CheckedMesh:
     stack = scene.stack
     count = 0.0
     for ply in stack:
-        area, edge_length = polygon_area(ply.outline), float(ply.blank.edge_length)
+        area, edge_length = ply.contours.area, float(ply.blank.edge_length)
         if area / edge_length**2 > LARGE:
             with ply.own_keys():
                 check_element_count(ply.outline, area, edge_length)
@@ -112,7 +112,7 @@ def require_mesh_fits(
 
 def shortest_edges(scene: Scene) -> float:
     """Return the edge length [m] whose mesh takes half of this machine's memory to build."""
-    area = sum(polygon_area(ply.outline) for ply in scene.stack)
+    area = sum(ply.contours.area for ply in scene.stack)
     return _edges_that_fit(area, physical_memory())
 
 

@@ -15,7 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
+from lcmchain.fields.sheet import (
+    reference_positions,
+    sheet_areas,
+    sheet_faces,
+    sheet_positions,
+)
 from lcmchain.quantities.places import millimetres
 
 if TYPE_CHECKING:
@@ -26,6 +31,8 @@ INSIDE = 0.5
 #: A node counts as over a face down to this barycentric coordinate: at its rim but for rounding,
 #: since meshes of the same lattice lie on each other's lines.
 WITHIN = -1e-6
+#: Lips of a slit lie in one plane before forming, up to this part of the thickness.
+COPLANAR = 1e-6
 #: Faces whose neighbours are looked at together: what bounds the memory.
 BATCH = 20_000
 #: Faces times frames up to which all saved states are looked at; beyond, the last one alone.
@@ -80,6 +87,9 @@ def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -
 def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
     """Say in which saved state a sheet first passes through itself, how much of it, and where.
 
+    Faces beside a slit, whose lips lie at each other before forming, do not count: lips are told
+    where they slide over each other by more than an element.
+
     Parameters
     ----------
     sheet : root group of a result. thickness : of the undeformed fabric [m].
@@ -92,6 +102,8 @@ def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
         crossed = np.zeros(len(faces), dtype=bool)
         for own in _bodies(sheet, len(faces)):
             crossed[own] = crossing_faces(positions, faces[own], thickness)
+            if crossed[own].any():  # lips of a slit lie at each other from the start
+                crossed[own] &= ~_lips(reference_positions(sheet), faces[own], thickness)
         if crossed.any():
             areas = sheet_areas(sheet, 0)
             first = positions[faces[np.argmax(crossed)]].mean(axis=0)
@@ -104,6 +116,11 @@ def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
                 "(interfaces.itself = true)"
             ]
     return []
+
+
+def _lips(positions: np.ndarray, faces: np.ndarray, thickness: float) -> np.ndarray:
+    """Return which faces of a flat sheet are touched by others in its plane."""
+    return crossing_faces(positions, faces, COPLANAR * thickness)
 
 
 def _bodies(sheet: xr.Dataset, face_count: int) -> list[np.ndarray]:

@@ -18,6 +18,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "report",
         "pictures",
         "scene",
+        "outlines",
         "stacks",
         "grippers",
         "stages",

@@ -10,15 +10,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Self
+from pathlib import Path
+from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+import shapely
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.bends import bend_part, edge_neighbours
-from lcmchain.mesh.cells import cell_heights
+from lcmchain.mesh.cells import boundary_edges, cell_heights
+from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.cut import ON_OUTLINE, Cells
+from lcmchain.mesh.drawing import Drawing, Drawn
 from lcmchain.mesh.fibres import UndeformedFrame
 from lcmchain.mesh.hexahedron import MODES
 from lcmchain.mesh.lattice import best_lattice
@@ -27,9 +33,7 @@ from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
     cross,
-    outline_of,
     place,
-    polygon_area,
 )
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.entry_types import (
@@ -53,6 +57,27 @@ REMARKABLE_RATIO = 1.25
 AREA_TOLERANCE = 0.02
 
 
+def _corners(example: str, count: int, entries: str = "points") -> Row:
+    """Row of points in the plane, of at least so many."""
+    return Row(example, minimum_count=count, entries=entries, units=False)
+
+
+Hole = Annotated[
+    tuple[PointInPlane, ...],
+    _corners('[["0 mm", "0 mm"], ["20 mm", "0 mm"], ["0 mm", "20 mm"]]', 3, "corner points"),
+]
+Dart = Annotated[
+    tuple[PointInPlane, PointInPlane, PointInPlane],
+    Row(
+        '[["150 mm", "10 mm"], ["90 mm", "0 mm"], ["150 mm", "-10 mm"]]',
+        count=3,
+        entries="points (rim, apex, rim)",
+        units=False,
+    ),
+]
+Slit = Annotated[tuple[PointInPlane, ...], _corners('[["150 mm", "0 mm"], ["90 mm", "0 mm"]]', 2)]
+
+
 class Blank(SceneModel):
     """The flat textile layer before forming, centred on the origin when given by its size."""
 
@@ -71,6 +96,37 @@ class Blank(SceneModel):
         ),
         AbsentMeans(""),
     ] = Field(default=None, description="Corner points [x, y] of a polygonal blank, in order.")
+    drawing: Annotated[Drawing | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Drawing of the blank, in place of size or outline: its holes and slits too.",
+    )
+    holes: Annotated[
+        tuple[Hole, ...],
+        Row(
+            '[[["0 mm", "0 mm"], ["20 mm", "0 mm"], ["0 mm", "20 mm"]]]',
+            entries="holes",
+            units=False,
+        ),
+    ] = Field(default=(), description="Corner points of each hole, in order.")
+    darts: Annotated[
+        tuple[Dart, ...],
+        Row(
+            '[[["150 mm", "10 mm"], ["90 mm", "0 mm"], ["150 mm", "-10 mm"]]]',
+            entries="darts",
+            units=False,
+        ),
+    ] = Field(
+        default=(),
+        description="Wedges cut out from the rim: a point of the rim, the apex, and another point "
+        "of the rim, each on the rim or beyond it.",
+    )
+    slits: Annotated[
+        tuple[Slit, ...],
+        Row('[[["150 mm", "0 mm"], ["90 mm", "0 mm"]]]', entries="slits", units=False),
+    ] = Field(
+        default=(),
+        description="Cuts without a width, each a line of points, from the rim or inside.",
+    )
     edge_length: PositiveLength = Field(description="Edge length of the elements.")
     fibre_angle: Angle = Field(  # type: ignore[assignment]
         default="0 deg",
@@ -78,13 +134,19 @@ class Blank(SceneModel):
     )
     height: Length = Field(default="0 mm", description="z coordinate of the mid-surface.")  # type: ignore[assignment]
 
+    _drawn: Drawn | None = PrivateAttr(default=None)
+
     @model_validator(mode="after")
-    def _check_shape(self) -> Self:
-        if (self.size is None) == (self.outline is None):
+    def _check_shape(self, info: ValidationInfo) -> Self:
+        given = [name for name in ("size", "outline", "drawing") if getattr(self, name) is not None]
+        if len(given) != 1:
             raise wrong(
                 'needs either size, for example size = ["300 mm", "300 mm"], or outline'
-                + (", not both" if self.size is not None else "")
+                + (", not both" if given == ["size", "outline"] else "")
+                + (f", not {' and '.join(given)}" if "drawing" in given else "")
             )
+        if self.drawing is not None and not self._read_drawing(info):
+            return self
         width, height = self.extent
         if self.edge_length > min(width, height) * (1 + 1e-12):
             raise wrong(
@@ -94,13 +156,61 @@ class Blank(SceneModel):
             )
         return self
 
+    def _read_drawing(self, info: ValidationInfo) -> bool:
+        """Read the drawing; False where a scene's own check of its files names what is missing."""
+        directory = Path((info.context or {}).get("directory", "."))
+        path = directory / self.drawing.file  # type: ignore[union-attr]
+        if not path.is_file() and (info.context or {}).get("from_file"):
+            return False
+        try:
+            self._drawn = self.drawing.read(directory)  # type: ignore[union-attr]
+        except InputError as error:
+            raise wrong(f"{path.name} {error.message}", field="drawing.file") from None
+        return True
+
+    @property
+    def left_out(self) -> str:
+        """What of the drawing was not read, in words; empty for none."""
+        return "" if self._drawn is None else self._drawn.left_out
+
+    @property
+    def rim(self) -> tuple[tuple[float, float], ...] | None:
+        """Corner points of the outline [m]; None for a blank that is given by its size."""
+        return self.outline if self._drawn is None else _points_of(self._drawn.rim)
+
+    @property
+    def cuts(self) -> dict[str, tuple]:
+        """Holes, darts and slits [m], those of a drawing first."""
+        drawn = self._drawn
+        holes = () if drawn is None else tuple(map(_points_of, drawn.holes))
+        slits = () if drawn is None else tuple(map(_points_of, drawn.slits))
+        return {"holes": holes + self.holes, "darts": self.darts, "slits": slits + self.slits}
+
+    @property
+    def shape(self) -> dict[str, Any]:
+        """Entries of the shape, a drawing as points."""
+        return {"size": self.size, "outline": self.rim, **self.cuts}
+
+    def with_outline(self, outline: np.ndarray) -> Self:
+        """Return the blank with another outline (n, 2) [m], and its own holes, darts and slits."""
+        changes = {"size": None, "outline": _points_of(outline), "drawing": None, **self.cuts}
+        changed = self.model_copy(update=changes)
+        changed._drawn = None
+        return changed
+
     @property
     def extent(self) -> tuple[float, float]:
         """Width along x and height along y of the bounding box [m]."""
         if self.size is not None:
             return self.size
-        x, y = zip(*self.outline)  # type: ignore[misc]
+        if self.rim is None:  # a drawing that is not there, which is told elsewhere
+            return math.inf, math.inf
+        x, y = zip(*self.rim)
         return max(x) - min(x), max(y) - min(y)
+
+
+def _points_of(points: np.ndarray) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in points)
 
 
 # Nodes of a degenerate hexahedron (n0 n1 n2 n2) in VTK's order of a wedge, whose first face is
@@ -266,15 +376,18 @@ def build_blank(
             f"perturbation must lie between 0 and {MAXIMUM_PERTURBATION:g} of the edge length, "
             f"got {perturbation:g}"
         )
-    outline, outline_key = outline_of(blank_spec)
-    area = polygon_area(outline)
-    check_element_count(outline, area, edge_length)
+    contours, outline_key = contours_of(blank_spec)
+    area = contours.area
+    check_element_count(contours.rim, area, edge_length)
 
     to_fibres = _rotation(-float(blank_spec.fibre_angle))
     to_scene = to_fibres.T
-    check_lattice_size(outline @ to_fibres.T, edge_length)
-    cells = best_lattice(outline @ to_fibres.T, edge_length)
+    in_fibres = contours.turned(to_fibres)
+    check_lattice_size(in_fibres.rim, edge_length)
+    cells = best_lattice(in_fibres, edge_length)
     _check_coverage(cells, area, edge_length, to_scene, outline_key)
+    if not contours.is_plain:
+        _check_loops(cells, contours, in_fibres, edge_length)
 
     placed = cells
     if perturbation > 0.0:  # of the lattice, so that it is the same in any numbering
@@ -312,9 +425,9 @@ def _check_coverage(
             key=key,
         )
     if cells.smallest_height <= 0.0:
-        place = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
+        middle = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
         raise InputError(
-            f"cannot be meshed near {place(place)}, an element would be inverted; {advice}",
+            f"cannot be meshed near {place(middle)}, an element would be inverted; {advice}",
             key=key,
         )
     difference = cells.area / area - 1.0
@@ -324,6 +437,33 @@ def _check_coverage(
             f"{100.0 * difference:+.1f} %; {advice}",
             key=key,
         )
+
+
+def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_length: float) -> None:
+    """Refuse holes and slits that are lost between the elements, or run into each other."""
+    edges = boundary_edges(cells.faces)
+    ends = np.unique(edges)
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=2 * (len(cells.positions),))
+    found = len(np.unique(connected_components(graph, directed=False)[1][ends]))
+    if found == contours.loop_count:
+        return
+    corners = cells.positions[cells.faces]
+    shapes = shapely.polygons(corners)
+    covered = shapely.STRtree(shapes)
+    for number, hole in enumerate(in_fibres.rings[1:]):
+        middle = shapely.Polygon(hole).representative_point()
+        if len(covered.query(middle, predicate="within")):
+            raise InputError(
+                f"is narrower than two elements, near {place(contours.rings[1 + number][0])}; "
+                f"choose a smaller blank.edge_length than {edge_length:g} m, or leave it out",
+                key=f"blank.holes[{number}]",
+            )
+    raise InputError(
+        f"has {contours.loop_count} boundaries, but elements of {edge_length:g} m make {found}: "
+        "holes, darts or slits are shorter than two elements, or nearer to each other or to the "
+        "rim; choose a smaller blank.edge_length, or move them apart",
+        key="blank",
+    )
 
 
 def _check_jacobians(positions: np.ndarray, faces: np.ndarray) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import shapely
 
 from lcmchain.mesh.cells import boundary_edges
-from lcmchain.mesh.cut import ON_OUTLINE, Cells, corner_vertices, cut_lattice, nearest_node
+from lcmchain.mesh.contours import Contours
+from lcmchain.mesh.cut import ON_OUTLINE, Cells, cut_lattice, nearest_node
+from lcmchain.mesh.seam_tips import tip_at
 from lcmchain.mesh.step_measure import cut_nodes
 
 # Nodes up to this far from a corner may take it, and cells up to twice as far tell how well; in
@@ -22,17 +24,16 @@ LEAST_HEIGHT = 0.05
 
 
 def choose_corner_nodes(
-    outline: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray, pitch: float, reach: float
+    contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray, pitch: float, reach: float
 ) -> dict[int, tuple[int, int]]:
-    """Return a lattice node (column, row) for every corner vertex of the outline.
+    """Return a lattice node (column, row) for every corner vertex of the contours.
 
     Each corner in turn, the sharpest first, takes the node near it with which the cells around it
     leave the longest time step, the nearest one of equals.
     """
     chosen: dict[int, tuple[int, int]] = {}
-    ring = shapely.Polygon(outline).exterior
-    for vertex in reversed(corner_vertices(outline)):
-        point = outline[vertex]
+    for vertex in reversed(contours.corners()):
+        point = contours.vertex(vertex)
         column, row = nearest_node(point, x_lines, y_lines)
         first = max(column - WINDOW, 0), max(row - WINDOW, 0)
         lines = (
@@ -42,6 +43,9 @@ def choose_corner_nodes(
         taken = set(chosen.values())
         best = None
         candidates = _nodes_near(point, x_lines, y_lines, (column, row), pitch)
+        if not contours.is_plain:
+            tip = tip_at(contours, vertex, x_lines, y_lines, pitch)
+            candidates = candidates if tip is None else tip.nodes
         for candidate in candidates:
             if candidate in taken:
                 continue
@@ -50,8 +54,8 @@ def choose_corner_nodes(
                 for v, (c, r) in (chosen | {vertex: candidate}).items()
                 if 0 <= c - first[0] < len(lines[0]) and 0 <= r - first[1] < len(lines[1])
             }
-            cells = cut_lattice(outline, *lines, pitch, tried, reach)
-            rank = _rank(cells, point, ring, pitch)
+            cells = cut_lattice(contours, *lines, pitch, tried, reach)
+            rank = _rank(cells, point, contours.lines, pitch)
             if best is None or rank < best:
                 best, chosen_node = rank, candidate
             if not any(rank[:3]) and rank[3] <= GOOD_RATIO:
@@ -82,7 +86,7 @@ def _nodes_near(
 
 
 def _rank(
-    cells: Cells, point: np.ndarray, ring: shapely.LinearRing, pitch: float
+    cells: Cells, point: np.ndarray, ring: shapely.Geometry, pitch: float
 ) -> tuple[bool, bool, int, float]:
     """How bad the cells around a corner are: not there, inverted, off the outline, slow."""
     if not (cells.positions[np.unique(cells.faces)] == point).all(axis=1).any():

@@ -12,26 +12,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
-from shapely import Polygon, contains_xy
+from shapely import contains_xy
 
 from lcmchain.mesh.cells import cell_heights, corner_sines, piece_count
+from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
+from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
+from lcmchain.mesh.seams import CutEdges, Lattice, copies_at, line_cuts, part_at_seams
 from lcmchain.mesh.step_measure import step_ratio
 from lcmchain.mesh.tips import fill_tips
-
-# Relative to the pitch: closer than this a point lies on a lattice line or node.
-COINCIDENT = 1e-9
 
 # An inside node is pulled outwards over up to this part of a cut lattice edge; only beyond it the
 # outside node is pulled inwards. The whole edge, because cells shorter than the pitch would reduce
 # the stable time step of the whole blank.
 INSIDE_REACH = 1.0
-
-# Outline vertices that turn by at least this angle get a node of their own.
-CORNER_ANGLE = math.radians(15.0)
 
 OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
 
@@ -40,11 +36,13 @@ OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
 class Cells:
     """Lattice cells inside the outline, in fibre coordinates.
 
-    positions : of all lattice nodes [m], shape (columns * rows, 2).
-    node_class : OUTSIDE, INSIDE or ON_OUTLINE, shape (columns * rows,).
+    positions : of all nodes [m], shape (nodes, 2): those of the lattice, columns * rows, and where
+        darts and slits part the sheet copies of them.
+    node_class : OUTSIDE, INSIDE or ON_OUTLINE, shape (nodes,).
     row_count : of the lattice. pitch : edge length of whole cells [m].
-    faces : lattice nodes of the cells, triangles repeat the last, shape (cells, 4).
+    faces : nodes of the cells, triangles repeat the last, shape (cells, 4).
     origin : lattice node at the lower left of the cells, shape (cells,).
+    lattice_node : place in the lattice of each node, shape (nodes,).
     """
 
     positions: np.ndarray
@@ -53,6 +51,7 @@ class Cells:
     pitch: float
     faces: np.ndarray
     origin: np.ndarray
+    lattice_node: np.ndarray
 
     @cached_property
     def area(self) -> float:
@@ -86,76 +85,75 @@ class Cells:
         return step_ratio(self.positions, self.faces, self.pitch)
 
 
-class _CutEdges(NamedTuple):
-    """Lattice edges that the outline cuts, those along y first."""
-
-    low: np.ndarray  # lattice node before the cut, shape (cuts,)
-    high: np.ndarray  # lattice node behind it
-    part: np.ndarray  # of the edge that lies before the cut [1]
-    position: np.ndarray  # of the cut [m], shape (cuts, 2)
-
-
 def cut_lattice(
-    outline: np.ndarray,
+    contours: Contours,
     x_lines: np.ndarray,
     y_lines: np.ndarray,
     pitch: float,
     corner_nodes: Mapping[int, tuple[int, int]] = MappingProxyType({}),
     reach: float = INSIDE_REACH,
 ) -> Cells:
-    """Cut the lattice with the outline and keep the cells inside.
+    """Cut the lattice with the contours and keep the cells inside.
 
     Parameters
     ----------
-    outline : vertices in fibre coordinates [m], shape (vertex_count, 2), anticlockwise.
+    contours : of the blank, in fibre coordinates.
     x_lines, y_lines : coordinates of the lattice lines [m].
     pitch : edge length of the cells [m].
     corner_nodes : column and row of the lattice nodes that take given vertices; the nearest takes
         the other corners.
     reach : part of a cut lattice edge over which its inside node moves outwards.
     """
-    outline = np.column_stack(
-        [
-            _pull_onto_lines(outline[:, 0], x_lines, pitch),
-            _pull_onto_lines(outline[:, 1], y_lines, pitch),
-        ]
+    contours = contours.moved(
+        lambda points: np.column_stack(
+            [
+                _pull_onto_lines(points[:, 0], x_lines, pitch),
+                _pull_onto_lines(points[:, 1], y_lines, pitch),
+            ]
+        )
     )
-    column_count, row_count = len(x_lines), len(y_lines)
-    grid = np.meshgrid(x_lines, y_lines, indexing="ij")
-    positions = np.column_stack([part.ravel() for part in grid])
-
-    cuts, is_inside = _cut_edges(outline, x_lines, y_lines)
-    node_class = np.where(is_inside, INSIDE, OUTSIDE)
+    row_count = len(y_lines)
+    lattice = _cut_edges(contours, x_lines, y_lines)
+    if not contours.is_plain:
+        lattice = part_at_seams(contours, lattice, x_lines, y_lines, pitch, corner_nodes)
+    cuts, positions = lattice.cuts, lattice.positions
+    node_class = np.where(lattice.is_inside, INSIDE, OUTSIDE)
     node_class[cuts.low[cuts.part < COINCIDENT]] = ON_OUTLINE
     node_class[cuts.high[cuts.part > 1.0 - COINCIDENT]] = ON_OUTLINE
-    for vertex in corner_vertices(outline):
+    node_class[lattice.on_seams] = ON_OUTLINE
+    for vertex in contours.corners():
+        point = contours.vertex(vertex)
+        tip = tip_at(contours, vertex, x_lines, y_lines, pitch) if not contours.is_plain else None
         if vertex in corner_nodes:
             column, row = corner_nodes[vertex]
-        elif _is_between(outline[vertex], x_lines, y_lines):
-            column, row = nearest_node(outline[vertex], x_lines, y_lines)
+        elif tip is not None:
+            column, row = tip.nodes[0]
+        elif _is_between(point, x_lines, y_lines):
+            column, row = nearest_node(point, x_lines, y_lines)
         else:
             continue
-        node_class[column * row_count + row] = ON_OUTLINE
-        positions[column * row_count + row] = outline[vertex]
-    _move_onto_outline(positions, node_class, cuts, is_inside, reach)
+        nodes = copies_at(lattice, column * row_count + row, point, pitch)
+        node_class[nodes] = ON_OUTLINE
+        positions[nodes] = point
+    _move_onto_outline(positions, node_class, cuts, lattice.is_inside, reach)
 
-    faces, origin = _cells_inside(positions, node_class, column_count, row_count, outline, pitch)
+    faces, origin = _cells_inside(lattice, positions, node_class, contours, pitch)
     if len(faces):
         is_free = np.ones(len(positions), dtype=bool)
         is_free[faces] = False
-        tips = fill_tips(outline, corner_vertices(outline), positions, is_free, faces, pitch)
+        tips = fill_tips(contours, positions, is_free, faces, pitch)
         node_class[tips] = ON_OUTLINE
-        faces, origin = np.concatenate([faces, tips]), np.concatenate([origin, tips[:, 2]])
-    return Cells(positions, node_class, row_count, pitch, faces, origin)
+        faces = np.concatenate([faces, tips])
+        origin = np.concatenate([origin, lattice.lattice_node[tips[:, 2]]])
+    return Cells(positions, node_class, row_count, pitch, faces, origin, lattice.lattice_node)
 
 
-def _cut_edges(
-    outline: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray
-) -> tuple[_CutEdges, np.ndarray]:
-    """Lattice edges of both directions that the outline cuts, and which nodes lie inside."""
+def _cut_edges(contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray) -> Lattice:
+    """Lattice with the edges of both directions that the contours cut, those along y first."""
     column_count, row_count = len(x_lines), len(y_lines)
-    columns, upper, y_cuts = _line_cuts(x_lines, y_lines, outline)
-    rows, right, x_cuts = _line_cuts(y_lines, x_lines, outline[:, ::-1])
+    start, end = contours.points, contours.ends
+    columns, upper, y_cuts = line_cuts(x_lines, y_lines, start, end)
+    rows, right, x_cuts = line_cuts(y_lines, x_lines, start[:, ::-1], end[:, ::-1])
     is_inside = _inside_by_parity(columns, upper, column_count, row_count)
     columns, upper, y_cuts = _between(row_count, columns, upper, y_cuts)
     rows, right, x_cuts = _between(column_count, rows, right, x_cuts)
@@ -170,13 +168,13 @@ def _cut_edges(
     position = np.column_stack(
         [np.concatenate([x_lines[columns], x_cuts]), np.concatenate([y_cuts, y_lines[rows]])]
     )
-    return _CutEdges(low, high, part, position), is_inside
+    return Lattice.whole(x_lines, y_lines, CutEdges(low, high, part, position), is_inside)
 
 
 def _move_onto_outline(
     positions: np.ndarray,
     node_class: np.ndarray,
-    cuts: _CutEdges,
+    cuts: CutEdges,
     is_inside: np.ndarray,
     reach: float,
 ) -> None:
@@ -213,24 +211,6 @@ def _pull_onto_lines(values: np.ndarray, lines: np.ndarray, pitch: float) -> np.
     return np.where(np.abs(values - nearest) < COINCIDENT * pitch, nearest, values)
 
 
-def _line_cuts(
-    lines: np.ndarray, cross_lines: np.ndarray, outline: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cuts of the outline with lattice lines: line, number of the cross line above, coordinate.
-
-    A vertex on a line counts with the edge that lies above it only, so that the parity is right.
-    """
-    start, end = outline, np.roll(outline, -1, axis=0)
-    first = np.searchsorted(lines, np.minimum(start[:, 0], end[:, 0]))
-    last = np.searchsorted(lines, np.maximum(start[:, 0], end[:, 0]))
-    counts = last - first
-    edge = np.repeat(np.arange(len(outline)), counts)
-    line = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + first[edge]
-    run = end[edge, 0] - start[edge, 0]
-    value = start[edge, 1] + (lines[line] - start[edge, 0]) / run * (end[edge, 1] - start[edge, 1])
-    return line, np.searchsorted(cross_lines, value), value
-
-
 def _inside_by_parity(
     columns: np.ndarray, upper: np.ndarray, column_count: int, row_count: int
 ) -> np.ndarray:
@@ -248,18 +228,6 @@ def _between(line_count: int, *columns: np.ndarray) -> list[np.ndarray]:
     return [column[there] for column in columns]
 
 
-def corner_vertices(outline: np.ndarray) -> list[int]:
-    """Vertices of the outline that need a node of their own, the blunt ones first.
-
-    Where two corners want the same node the sharper one, being later, keeps it.
-    """
-    before = outline - np.roll(outline, 1, axis=0)
-    after = np.roll(outline, -1, axis=0) - outline
-    turn = np.abs(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
-    order = np.argsort(turn, kind="stable")
-    return order[turn[order] >= CORNER_ANGLE].tolist()
-
-
 def nearest_node(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> tuple[int, int]:
     """Column and row of the lattice node next to a point."""
     return int(np.argmin(np.abs(x_lines - point[0]))), int(np.argmin(np.abs(y_lines - point[1])))
@@ -272,19 +240,19 @@ def _is_between(point: np.ndarray, x_lines: np.ndarray, y_lines: np.ndarray) -> 
 
 
 def _cells_inside(
+    lattice: Lattice,
     positions: np.ndarray,
     node_class: np.ndarray,
-    column_count: int,
-    row_count: int,
-    outline: np.ndarray,
+    contours: Contours,
     pitch: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Whole and halved cells inside the outline, and the lattice node each one starts from."""
-    column, row = np.meshgrid(np.arange(column_count - 1), np.arange(row_count - 1), indexing="ij")
-    start = (column * row_count + row).ravel()
-    quads = np.column_stack([start, start + row_count, start + row_count + 1, start + 1])
-    quads = quads[(node_class[quads] != OUTSIDE).sum(axis=1) >= 3]
+    """Whole and halved cells inside the contours, and the lattice node each one starts from."""
+    quads, start = lattice.quads, lattice.origin
     classes = node_class[quads]
+    if lattice.beyond is not None:  # corners of a cell on the other side of a seam
+        classes = np.where(lattice.beyond & (classes == INSIDE), OUTSIDE, classes)
+    kept = (classes != OUTSIDE).sum(axis=1) >= 3
+    quads, start, classes = quads[kept], start[kept], classes[kept]
     outside_count = (classes == OUTSIDE).sum(axis=1)
     on_count = (classes == ON_OUTLINE).sum(axis=1)
 
@@ -303,7 +271,7 @@ def _cells_inside(
 
     faces = np.where(halved[:, np.newaxis], triangles, quads)
     keep = halved | (whole & ~flat)
-    faces, origin = faces[keep], quads[keep, 0]
+    faces, origin = faces[keep], start[keep]
 
     # With all nodes on the outline only the position tells whether the cell is inside.
     doubtful = np.flatnonzero((node_class[faces] == ON_OUTLINE).all(axis=1))
@@ -312,7 +280,7 @@ def _cells_inside(
         centre = (corner[:, 0] + corner[:, 1] + corner[:, 2]) / 3.0
         quad = faces[doubtful, 2] != faces[doubtful, 3]
         centre[quad] = corner[quad].mean(axis=1)
-        real = contains_xy(Polygon(outline), *centre.T) & (cell_heights(corner) > 1e-3 * pitch)
+        real = contains_xy(contours.polygon, *centre.T) & (cell_heights(corner) > 1e-3 * pitch)
         faces, origin = (
             np.delete(faces, doubtful[~real], axis=0),
             np.delete(origin, doubtful[~real]),

@@ -9,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.corner_nodes import choose_corner_nodes
-from lcmchain.mesh.cut import COINCIDENT, INSIDE_REACH, Cells, cut_lattice
-from lcmchain.mesh.outline import polygon_area, whole_number
+from lcmchain.mesh.cut import INSIDE_REACH, Cells, cut_lattice
+from lcmchain.mesh.outline import whole_number
+from lcmchain.mesh.seam_tips import COINCIDENT
 
 # Pitch may deviate by this factor from the edge length to fit diagonals to the outline.
 DIAGONAL_FIT = 1.25
+
+# Cells between lattice lines through a hole or slit are at least this long, relative to the pitch.
+SHORTEST_CELL = 0.9
 
 # Positions of the lattice relative to the outline, in units of the pitch, and as many as are tried
 # where they give a whole mesh.
@@ -34,24 +39,26 @@ ACCEPTABLE_HEIGHT = 0.25
 ACCEPTABLE_MISSING = 1e-2
 
 
-def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
-    """Cells of the best of several positions of the lattice under the outline.
+def best_lattice(contours: Contours, edge_length: float) -> Cells:
+    """Cells of the best of several positions of the lattice under the contours.
 
     Only a position that the outline's edges do not prescribe is varied. The first ones are
     symmetric to the middle of the outline and are taken if they are good.
     """
-    pitch = _pitch_fitting_diagonals(outline, edge_length)
-    if pitch is not None:
-        lines = [_uniform_lines(outline[:, axis], outline[0, axis], pitch) for axis in range(2)]
-        return _cut(outline, lines, pitch, INSIDE_REACH)
+    if contours.is_plain:
+        rim = contours.rim
+        pitch = _pitch_fitting_diagonals(rim, edge_length)
+        if pitch is not None:
+            lines = [_uniform_lines(rim[:, axis], rim[0, axis], pitch) for axis in range(2)]
+            return _cut(contours, lines, pitch, INSIDE_REACH)
 
-    area = polygon_area(outline)
+    area = contours.area
     best: Any = None
     best_rank: Any = None
-    for number, (lines, reach) in enumerate(_variants(outline, edge_length)):
+    for number, (lines, reach) in enumerate(_variants(contours, edge_length)):
         if number >= USUAL_VARIANTS and best_rank < (False, False, True):
             break  # whole, and the others would hardly be better
-        cells = _cut(outline, lines, edge_length, reach)
+        cells = _cut(contours, lines, edge_length, reach)
         missing = abs(cells.area - area) / area
         missing = 0.0 if missing < 1e-9 else missing
         rank = (
@@ -70,19 +77,19 @@ def best_lattice(outline: np.ndarray, edge_length: float) -> Cells:
     return best
 
 
-def _cut(outline: np.ndarray, lines: list[np.ndarray], pitch: float, reach: float) -> Cells:
+def _cut(contours: Contours, lines: list[np.ndarray], pitch: float, reach: float) -> Cells:
     """Cut a lattice, with the best nodes at the corners."""
     x_lines, y_lines = lines
-    corner_nodes = choose_corner_nodes(outline, x_lines, y_lines, pitch, reach)
-    return cut_lattice(outline, x_lines, y_lines, pitch, corner_nodes, reach)
+    corner_nodes = choose_corner_nodes(contours, x_lines, y_lines, pitch, reach)
+    return cut_lattice(contours, x_lines, y_lines, pitch, corner_nodes, reach)
 
 
-def _variants(outline: np.ndarray, edge_length: float) -> Iterator[tuple[list[np.ndarray], float]]:
+def _variants(contours: Contours, edge_length: float) -> Iterator[tuple[list[np.ndarray], float]]:
     """Yield lattice lines in both directions and the reach of inside nodes, the usual ones first.
 
     Nodes that reach less far follow details that are narrower than two cells.
     """
-    anchors = [_aligned_edges(outline, axis, edge_length) for axis in range(2)]
+    anchors = [_aligned_edges(contours, axis, edge_length) for axis in range(2)]
     shifts = list(product(*((0.0,) if len(anchor) else SHIFTS for anchor in anchors)))
     shifts.sort(key=lambda pair: sum(part not in (0.0, 0.5) for part in pair))
     usual = [shift for shift in shifts if set(shift) <= {0.0, 0.5}]
@@ -96,7 +103,7 @@ def _variants(outline: np.ndarray, edge_length: float) -> Iterator[tuple[list[np
     for reach, shift in pairs:
         lines = []
         for axis, anchor in enumerate(anchors):
-            values = outline[:, axis]
+            values = contours.rim[:, axis]
             if len(anchor):
                 lines.append(_anchored_lines(values, anchor, edge_length))
             else:
@@ -128,16 +135,36 @@ def _pitch_fitting_diagonals(outline: np.ndarray, edge_length: float) -> float |
     return float(diagonals[np.argmin(mismatch)] / math.sqrt(2.0))
 
 
-def _aligned_edges(outline: np.ndarray, axis: int, edge_length: float) -> np.ndarray:
-    """Coordinates of the outline's edges across an axis, at least half an edge length apart."""
-    end = np.roll(outline, -1, axis=0)
-    along = np.abs(end - outline)
-    aligned = (along[:, axis] <= COINCIDENT * edge_length) & (along[:, 1 - axis] >= edge_length)
+def _aligned_edges(contours: Contours, axis: int, edge_length: float) -> np.ndarray:
+    """Coordinates of sides and slits across an axis, at least half an edge length apart.
+
+    The sides of the rim come first. A hole or slit whose line would make the cells beside it
+    shorter is cut instead.
+    """
+    rim = contours.starts[1]
     kept: list[float] = []
-    for value in np.sort(outline[aligned, axis]):
+    for value in _across(contours.points[:rim], contours.ends[:rim], axis, edge_length):
         if not kept or value - kept[-1] >= 0.5 * edge_length:
-            kept.append(float(value))
-    return np.array(kept)
+            kept.append(value)
+    inner = [(contours.points[rim:], contours.ends[rim:])]
+    inner += [(slit[:-1], slit[1:]) for slit in contours.slits]
+    for start, end in inner:
+        for value in _across(start, end, axis, edge_length):
+            if all(_fits(abs(value - other) / edge_length) for other in kept):
+                kept.append(value)
+    return np.sort(kept)
+
+
+def _across(start: np.ndarray, end: np.ndarray, axis: int, edge_length: float) -> list[float]:
+    """Sorted coordinates of the sides across an axis that are as long as an edge."""
+    along = np.abs(end - start)
+    aligned = (along[:, axis] <= COINCIDENT * edge_length) & (along[:, 1 - axis] >= edge_length)
+    return [float(value) for value in np.sort(start[aligned, axis])]
+
+
+def _fits(edges: float) -> bool:
+    """Whether whole cells of about an edge length fill a distance, in edge lengths."""
+    return edges / max(1, whole_number(edges)) > SHORTEST_CELL
 
 
 def _uniform_lines(values: np.ndarray, through: float, pitch: float) -> np.ndarray:

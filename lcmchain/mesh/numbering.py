@@ -22,8 +22,9 @@ def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     parallelograms is spared what others need (``lcmchain/elements/solid_shell/kernel.py``).
     """
     used = np.unique(cells.faces)
-    along_rows = _has_shorter_rows(used, cells.row_count)
-    used = used[_line_order(used, cells.row_count, along_rows)]
+    places = cells.lattice_node[used]
+    along_rows = _has_shorter_rows(places, cells.row_count)
+    used = used[_line_order(places, cells.row_count, along_rows)]
     number = np.full(len(cells.positions), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
     faces = cells.faces[_line_order(cells.origin, cells.row_count, along_rows)]

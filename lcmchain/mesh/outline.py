@@ -27,28 +27,37 @@ def polygon_area(outline: np.ndarray) -> float:
 
 def outline_of(blank_spec: Any) -> tuple[np.ndarray, str]:
     """Vertices of the blank, anticlockwise, and the scene key that gave them."""
-    if getattr(blank_spec, "outline", None) is None:
+    corners = getattr(blank_spec, "rim", None) or getattr(blank_spec, "outline", None)
+    drawing = getattr(blank_spec, "drawing", None)
+    if corners is None and drawing is not None:
+        raise InputError(
+            f'there is no drawing "{drawing.file}"; file names are relative to the scene file',
+            key="blank.drawing.file",
+        )
+    if corners is None:
         width, height = (float(length) for length in blank_spec.size)
         if not (math.isfinite(width) and math.isfinite(height) and min(width, height) > 0.0):
             raise InputError(f"must be positive, got {width:g} m x {height:g} m", key="blank.size")
         x, y = 0.5 * width, 0.5 * height
         return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), "blank.size"
     key = "blank.outline"
-    outline = np.array(blank_spec.outline, dtype=float).reshape(-1, 2)
+    if drawing is not None:
+        key = "blank.drawing"
+    outline = np.array(corners, dtype=float).reshape(-1, 2)
     if not np.isfinite(outline).all():
         raise InputError("has a coordinate that is not a finite number", key=key)
     if len(outline) > 1 and np.array_equal(outline[0], outline[-1]):
         outline = outline[:-1]  # written as a closed polygon
     if len(outline) < 3:
         raise InputError(f"needs at least three different points, got {len(outline)}", key=key)
-    _check_simple(outline, key)
+    check_simple(outline, key)
     if polygon_area(outline) < 0.0:
         outline = outline[::-1]
     return np.ascontiguousarray(outline), key
 
 
-def _check_simple(outline: np.ndarray, key: str) -> None:
-    """Raise InputError where the polygon repeats a point, touches or crosses itself."""
+def check_simple(outline: np.ndarray, key: str) -> None:
+    """Raise InputError where a polygon repeats a point, touches or crosses itself."""
     vertex_count = len(outline)
     start, end = outline, np.roll(outline, -1, axis=0)
     along = end - start

@@ -107,7 +107,7 @@ class Places:
             if not loops:
                 raise InputError("the mesh is closed: it has no boundary", key=key)
             if where.rim:
-                return loops[0]
+                return self.outermost()
             return self._nearest_loop(np.array(where.loop), key)
         inside = np.zeros(len(self.points), dtype=bool)
         inside[self.nodes(where, key)] = True
@@ -165,6 +165,12 @@ class Places:
         total = np.bincount(part, weights=length)
         order = [int(p) for p in np.argsort(-total, kind="stable") if total[p] > 0.0]
         return [free[part == p] for p in order]
+
+    def outermost(self) -> np.ndarray:
+        """Edges (E, 2) of the boundary around the others: a hole may be longer than it."""
+        loops = self.loops
+        size = [np.linalg.norm(np.ptp(self.points[loop].reshape(-1, 3), axis=0)) for loop in loops]
+        return loops[int(np.argmax(np.array(size) > max(size) * (1.0 - 1e-9)))]
 
     def node_number(self, row: int) -> int:
         """Number of a node in the user's file; its row where the file has none."""

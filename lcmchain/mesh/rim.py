@@ -47,7 +47,7 @@ def pieces_along(
     ------
     InputError : the pieces overlap, or one has no node.
     """
-    line = _in_order(edges, points)
+    line = in_order(edges, points)
     steps = np.linalg.norm(np.diff(points[np.append(line, line[0])], axis=0), axis=1)
     length = float(steps.sum())
     if count * width > length * (1.0 + 1e-9):
@@ -72,7 +72,7 @@ def pieces_along(
     return found
 
 
-def _in_order(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
+def in_order(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return the nodes of a closed boundary one after the other, anticlockwise."""
     neighbours: dict[int, list[int]] = {}
     for a, b in edges.tolist():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.mesh.cells import boundary_edges, cell_heights
+from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
 from lcmchain.mesh.step_measure import step_ratio
 
@@ -19,8 +20,7 @@ LEAST_HEIGHT = 0.05
 
 
 def fill_tips(
-    outline: np.ndarray,
-    vertices: list[int],
+    contours: Contours,
     positions: np.ndarray,
     is_free: np.ndarray,
     faces: np.ndarray,
@@ -33,10 +33,12 @@ def fill_tips(
 
     Parameters
     ----------
-    outline : vertices [m]. vertices : those that are corners.
+    contours : of the blank; ends and corners of slits are no tips.
     positions : lattice nodes [m]; is_free : which of them no cell has.
     faces : cells, shape (cells, 4). pitch : edge length of whole cells [m].
     """
+    outline = contours.points
+    vertices = [vertex for vertex in contours.corners() if vertex < len(outline)]
     used = positions[~is_free]
     low, high = used.min(axis=0), used.max(axis=0)
     lost = [
@@ -53,7 +55,7 @@ def fill_tips(
     free = np.flatnonzero(is_free)
     for vertex in lost[: len(free)]:
         corner = outline[vertex]
-        sides = corner, outline[vertex - 1], outline[(vertex + 1) % len(outline)]
+        sides = corner, outline[contours.before[vertex]], outline[contours.after[vertex]]
         ends = positions[edges]
         before = _is_on(ends, sides[1], corner, pitch)
         after = _is_on(ends, corner, sides[2], pitch)

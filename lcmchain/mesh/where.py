@@ -55,7 +55,7 @@ class Where(SceneModel):
         description="Nodes (of a region: cells) whose x and y lie in a polygon, by its corners.",
     )
     rim: Switch = Field(
-        default=False, description="Nodes on the longest closed boundary of the mesh."
+        default=False, description="Nodes on the outermost closed boundary of the mesh."
     )
     loop: Annotated[Position | None, AbsentMeans("")] = Field(
         default=None,

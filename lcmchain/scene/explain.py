@@ -64,8 +64,8 @@ _PLIES = (
     'layup = "[0/90, 45/-45]s" beside [blank] and [material]'
 )
 _OUTLINE = (
-    "a blank has one outline and no holes within it; notches and slits that begin at the rim are "
-    "corners of blank.outline"
+    "[blank] and [[plies]] have holes, darts and slits, each a list of points, and drawing for a "
+    "DXF file (lcmchain docs outlines); notches are corners of outline"
 )
 _HELD_BY_TOOLS = (
     "[[grippers]] hold, lead or pull a place of the sheet (lcmchain docs grippers); a plate with "

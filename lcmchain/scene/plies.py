@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, with_fibre_modulus
 from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
+from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.outline import outline_of
 from lcmchain.quantities.at_work import share_a_stage
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, wrong
@@ -142,9 +144,26 @@ class PlySettings:
 
     @property
     def outline(self) -> np.ndarray:
-        """Corners (n, 2) of the outline where it lies [m], anticlockwise."""
+        """Corners (n, 2) of the outline where it lies [m], anticlockwise, darts cut out."""
+        return self.contours.rim
+
+    @cached_property
+    def contours(self) -> Contours:
+        """Outline, holes, darts and slits where they lie."""
         with self.own_keys():
-            return outline_of(self.blank)[0] + np.array(self.center)
+            return contours_of(self.blank)[0].shifted(np.array(self.center))
+
+    @property
+    def shape(self) -> dict[str, Any]:
+        """Entries of the shape of the blank where it lies; an outline, and no size."""
+        with self.own_keys():
+            rim = outline_of(self.blank)[0]
+
+        def lying(points: Any) -> Any:
+            return tuple(map(tuple, (np.array(points) + np.array(self.center)).tolist()))
+
+        cuts = {name: tuple(map(lying, cuts)) for name, cuts in self.blank.cuts.items()}
+        return {"size": None, "outline": lying(rim), **cuts}
 
     def built_material(self) -> Material:
         """Return the material as it is simulated, with the modulus of fibres that is asked for."""
@@ -187,7 +206,12 @@ class PlySettings:
 
     def remarks(self, mesh: BlankMesh) -> list[str]:
         """Say where the elements of the ply are too large for its outline."""
-        return [self.in_own_words(text) for text in mesh.remarks()]
+        found = [self.in_own_words(text) for text in mesh.remarks()]
+        if self.blank.left_out:
+            found.append(
+                f"{self.key}.drawing holds what is no contour, left out: {self.blank.left_out}"
+            )
+        return found
 
 
 @dataclass(frozen=True)
@@ -222,7 +246,7 @@ class Stack(Sequence[PlySettings]):
         """Largest sum of the thicknesses of plies that lie on each other, gaps left out [m]."""
         if len(self.plies) == 1:
             return self.plies[0].thickness
-        outlines = [shapely.Polygon(ply.outline) for ply in self.plies]
+        outlines = [ply.contours.polygon for ply in self.plies]
         lines = shapely.unary_union([outline.boundary for outline in outlines])
         return max(
             sum(
@@ -236,8 +260,11 @@ class Stack(Sequence[PlySettings]):
     @property
     def has_one_outline(self) -> bool:
         """Whether all plies cover the same part of the plane at the start."""
-        first, *others = (ply.outline for ply in self.plies)
-        return all(o.shape == first.shape and np.allclose(o, first, atol=1e-9) for o in others)
+        first, *others = (ply.contours for ply in self.plies)
+        return all(
+            other.starts == first.starts and np.allclose(other.points, first.points, atol=1e-9)
+            for other in others
+        )
 
     @property
     def shortest_edge(self) -> float:
@@ -268,7 +295,7 @@ class Stack(Sequence[PlySettings]):
         if len(self.plies) == 1:
             return self.plies[0].thickness
         place = shapely.Point(x, y)
-        here = sum(p.thickness for p in self.plies if shapely.Polygon(p.outline).covers(place))
+        here = sum(p.thickness for p in self.plies if p.contours.polygon.covers(place))
         return here or self.thickness
 
     @property
@@ -370,12 +397,13 @@ def _required(table: Any) -> Any:
 
 def _plies_of_layup(scene: Scene) -> list[Ply]:
     """Return the plies of the short form: one outline, an angle for each."""
-    shared = {key: getattr(scene.blank, key) for key in ("size", "outline", "edge_length")}
+    blank = _required(scene.blank)
+    shared = {**blank.shape, "edge_length": blank.edge_length}
     return [
         Ply(
             **shared,
             fibre_angle=angle,
-            height=scene.blank.height if index == 0 else None,  # type: ignore[union-attr]
+            height=blank.height if index == 0 else None,
             name=f"ply_{index + 1}",
         )
         for index, angle in enumerate(angles_of(scene.layup))  # type: ignore[arg-type]
@@ -392,12 +420,9 @@ def _height_on(laid: Sequence[PlySettings], ply: PlySettings) -> float:
 
 def _meet(one: PlySettings, other: PlySettings) -> bool:
     """Whether two plies cover a common part of the plane."""
-    if (
-        all(getattr(one.blank, name) == getattr(other.blank, name) for name in ("size", "outline"))
-        and one.center == other.center
-    ):
+    if one.blank.shape == other.blank.shape and one.center == other.center:
         return True
-    area = shapely.Polygon(one.outline).intersection(shapely.Polygon(other.outline)).area
+    area = one.contours.polygon.intersection(other.contours.polygon).area
     return bool(area > 1e-9 * math.prod(one.blank.extent))
 
 

@@ -100,7 +100,8 @@ def scene_from_text(
         require_within_limits(data, path)
     expanded, of_files = with_tables(data, directory)
     try:
-        scene = Scene.model_validate(copy.deepcopy(expanded), context=FROM_FILE)
+        context = FROM_FILE | {"directory": directory}
+        scene = Scene.model_validate(copy.deepcopy(expanded), context=context)
     except ValidationError as error:
         # Files are looked up even so, to report everything that is wrong at once.
         missing = _missing_files(data, directory)

@@ -280,7 +280,7 @@ class Scene(SceneModel):
         blank = ply.blank
         if any(ply.center):
             blank = Blank.model_construct(
-                outline=tuple(map(tuple, ply.outline.tolist())), size=None,
+                **ply.shape, drawing=None,
                 edge_length=blank.edge_length, fibre_angle=blank.fibre_angle, height=blank.height,
             )  # fmt: skip
         return self.model_copy(

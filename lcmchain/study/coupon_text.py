@@ -159,6 +159,9 @@ def _require_pullable(scene: Scene) -> None:
     """
     if scene.only_ply("a coupon").blank.size is None:
         raise InputError("a coupon is a rectangle: give its size", key="blank.size")
+    for name, cuts in scene.only_ply("a coupon").blank.cuts.items():
+        if cuts:
+            raise InputError("a coupon is a whole rectangle; leave them out", key=f"blank.{name}")
     if scene.tools:
         raise InputError("a coupon is held by clamps, not by tools", key="tools")
     if not scene.element.has_forces:

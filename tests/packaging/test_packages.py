@@ -60,6 +60,7 @@ RANK_OF_CORE = {
     "fields": 5,
     "draping": 6,
     "report": 6,
+    "pattern": 7,
     "coupons": 7,
     "identification": 7,
     "verification": 7,

@@ -116,3 +116,16 @@ def test_sheets_of_their_own_may_lie_in_each_other():
     assert len(crossing_warnings(sheet, T)) == 1
     sheet["body"] = ("face", np.repeat([0, 1], len(faces)))
     assert crossing_warnings(sheet, T) == []
+
+
+def test_lips_of_a_slit_touch_from_the_start_and_are_told_when_they_overlap_further():
+    """Two halves of a strip that meet edge to edge, with nodes of their own on the common line."""
+    points, faces = strip()
+    flat = np.concatenate([points, points * [1.0, -1.0, 1.0]])
+    cells = np.concatenate([faces, faces[:, ::-1] + len(points)])
+    assert crossing_faces(flat, cells, T).any()
+    opened, over = flat.copy(), flat.copy()
+    opened[len(points) :, 1] -= 0.002
+    over[len(points) :, 1] += 0.007  # by more than a cell of 5 mm
+    assert crossing_warnings(result([flat, opened], cells), T) == []
+    assert len(crossing_warnings(result([flat, over], cells), T)) == 1

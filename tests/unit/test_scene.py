@@ -202,10 +202,10 @@ def test_every_value_is_recorded_as_given_or_defaulted():
     settings = {f"effects.{name}" for name in type(scene.effects).model_fields}
     assert settings <= unrecorded
     unrecorded -= settings
-    # the alternative to blank.size, and those of a stack and of stages
+    # the alternatives to blank.size, and those of a stack and of stages
     of_stack = {"plies", "layup", "materials", "interfaces"}
     of_stages = {"stages", *(f"tools.{tool.name}.stages" for tool in scene.tools)}
-    assert unrecorded == {"blank.outline"} | of_stack | of_stages
+    assert unrecorded == {"blank.outline", "blank.drawing"} | of_stack | of_stages
     assert len(recorded) == len(scene.source.given) + len(scene.source.defaulted)
     assert {"blank.edge_length", "tools.holder.friction", "material.compaction.c1"} <= given_keys
     assert recorded["blank.edge_length"] == "5 mm"

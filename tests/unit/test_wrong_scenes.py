@@ -160,7 +160,7 @@ WRONG = {
         replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top"
     ),
     "holes": (
-        replaced(("edge_length", "holes = []\nedge_length")), "blank.holes", "no holes within it"
+        replaced(("edge_length", "cutout = []\nedge_length")), "blank.cutout", "holes, darts and"
     ),
     "clamps": (SCENE + "[[clamps]]\n", "clamps", "[[grippers]] hold"),
     "springs": (SCENE + "[[springs]]\n", "springs", "as a blank holder does"),

@@ -1,0 +1,174 @@
+"""Trimming line and flat pattern: which flat outline gives the wanted rim of a formed part.
+
+The wanted rim is a closed line in plan, seen along z. On a part that reaches beyond it the line
+maps back to the flat blank, which is the trimming line. A blank that is cut there before forming
+comes out a little otherwise, since what was cut off no longer holds the rest. So it is formed
+again, and each point of the outline moves by what its image misses of the wanted rim, mapped back
+through the deformation there: Newton's method with the deformation gradient in place of the full
+derivative.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from lcmchain.atomic import replacing
+from lcmchain.errors import InputError
+from lcmchain.mesh.outline import check_simple, polygon_area
+from lcmchain.pattern.formed import FormedSheet
+from lcmchain.quantities.units import length_factor
+
+#: Corners of a line turn by this at least; between them it is sampled anew.
+CORNER = np.radians(15.0)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One forming of the iteration.
+
+    outline : flat outline that was formed [m], shape (n, 2). rim : its image in plan [m].
+    miss : largest distance between the formed and the wanted rim [m].
+    """
+
+    outline: np.ndarray
+    rim: np.ndarray
+    miss: float
+
+
+def trimming_line(sheet: FormedSheet, net: np.ndarray, *, key: str | None = None) -> np.ndarray:
+    """Return a closed line of the part in plan (n, 2), on the flat blank (m, 2) [m].
+
+    Raises
+    ------
+    InputError : the part does not reach it.
+    """
+    return sheet.to_flat(sampled(net, sheet.edge_length), key=key)
+
+
+def flat_pattern(
+    net: np.ndarray,
+    form: Callable[[np.ndarray | None], FormedSheet],
+    *,
+    tolerance: float | None = None,
+    most_rounds: int = 6,
+    key: str | None = None,
+) -> list[Round]:
+    """Return the rounds of the iteration to the flat outline of a wanted rim; the last is best.
+
+    Parameters
+    ----------
+    net : wanted rim in plan (n, 2) [m].
+    form : forms a blank of a flat outline (m, 2) [m]; None is the blank to begin with, whose part
+        reaches beyond the wanted rim everywhere.
+    tolerance : largest distance that ends the iteration [m], by default a quarter of an edge.
+    most_rounds : at which it ends otherwise.
+
+    Raises
+    ------
+    InputError : the first part does not reach the wanted rim, or the outline crosses itself.
+    """
+    sheet = form(None)
+    goal = sampled(net, sheet.edge_length)
+    outline = sheet.to_flat(goal, key=key)
+    limit = 0.25 * sheet.edge_length if tolerance is None else tolerance
+    rounds: list[Round] = []
+    for _ in range(most_rounds):
+        check_simple(outline, key or "outline")
+        sheet = form(outline)
+        rim = sheet.to_formed(outline)[:, :2]
+        rounds.append(Round(outline, rim, miss(rim, goal)))
+        if rounds[-1].miss <= limit:
+            break
+        outline = outline + sheet.back(outline, goal - rim)
+    return sorted(rounds, key=lambda one: -one.miss)
+
+
+def miss(rim: np.ndarray, goal: np.ndarray) -> float:
+    """Return the largest distance of two closed lines (n, 2) from each other [m]."""
+    lines = shapely.LinearRing(rim), shapely.LinearRing(goal)
+    return float(shapely.hausdorff_distance(*lines, densify=0.25))
+
+
+def sampled(line: np.ndarray, spacing: float) -> np.ndarray:
+    """Return a closed line (n, 2) with its corners, and points about ``spacing`` [m] between."""
+    into = line - np.roll(line, 1, axis=0)
+    onward = np.roll(line, -1, axis=0) - line
+    turn = np.abs(
+        np.arctan2(
+            into[:, 0] * onward[:, 1] - into[:, 1] * onward[:, 0], (into * onward).sum(axis=1)
+        )
+    )
+    corners = np.flatnonzero(turn >= CORNER)
+    start = int(corners[0]) if len(corners) else 0
+    line = np.roll(line, -start, axis=0)
+    stops = [*((corners - start).tolist() or [0]), len(line)]
+    closed = np.concatenate([line, line[:1]])
+    found = []
+    for first, last in zip(stops[:-1], stops[1:]):
+        piece = closed[first : last + 1]
+        way = np.append(0.0, np.cumsum(np.hypot(*np.diff(piece, axis=0).T)))
+        count = max(1, round(float(way[-1]) / spacing))
+        at = np.linspace(0.0, way[-1], count, endpoint=False)
+        found.append(np.column_stack([np.interp(at, way, piece[:, k]) for k in (0, 1)]))
+    return np.concatenate(found)
+
+
+# --- lines in files -------------------------------------------------------------------------------
+
+
+def read_line(path: Path, length_unit: str | None) -> np.ndarray:
+    """Return a closed line (n, 2) [m], anticlockwise, of a DXF drawing or a table of x and y.
+
+    length_unit : of the file; metres, or that of the drawing, where None.
+
+    Raises
+    ------
+    InputError : no such file, no closed line, or one that crosses itself.
+    """
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    rows = [row for row in csv.reader(text.decode("utf-8", "replace").splitlines()) if row]
+    try:
+        values = [[float(value) for value in row[:2]] for row in rows[1:] if len(row) >= 2]
+        is_table = len(values) == len(rows) - 1 and len(values) >= 3
+    except ValueError:
+        is_table = False
+    if is_table:
+        line = np.array(values) * length_factor(length_unit or "m")
+    else:
+        # Imported where a line is drawn: the library takes longer than others do.
+        from lcmchain.mesh.dxf import read_drawing
+
+        line = read_drawing(
+            path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5
+        ).rim
+    if len(line) > 1 and np.array_equal(line[0], line[-1]):
+        line = line[:-1]
+    check_simple(line, "--net")
+    return line if polygon_area(line) > 0.0 else line[::-1]
+
+
+def write_line(path: Path, line: np.ndarray) -> None:
+    """Write a closed line (n, 2) [m]: as DXF in mm where the name ends so, else as CSV in m."""
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".dxf":
+            # Imported where a line is drawn: the library takes longer than others do.
+            import ezdxf
+
+            document = ezdxf.new()
+            document.units = ezdxf.units.MM
+            document.modelspace().add_lwpolyline((1e3 * line).tolist(), close=True)
+            document.saveas(temporary)
+            return
+        with open(temporary, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("x [m]", "y [m]"))
+            writer.writerows(line.tolist())
