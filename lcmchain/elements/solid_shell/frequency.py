@@ -320,6 +320,18 @@ def matrix6(rows, C):
 
 
 @routine
+def diagonal_matrix6(moduli, C):
+    """Fill C (6, 6) with a tuple of moduli."""
+    C[:] = 0.0
+    for i in range(6):
+        C[i, i] = moduli[i]
+
+
+# a coupled law may be stabilised by a diagonal; the other structures come as rows
+stabilising_matrix = by_structure(diagonal_matrix6, matrix6, matrix6, matrix6)
+
+
+@routine
 def add_full_stiffness(
     M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms, parts
 ):
@@ -331,6 +343,10 @@ def add_full_stiffness(
     C_M, C_B = np.empty((6, 6)), np.empty((6, 6))
     matrix6(M_rows, C_M)
     matrix6(B_rows, C_B)
+    C_hg = np.empty((6, 6))
+    stabilising_matrix(
+        stabilising_tangent(options.conservative, law, E.centre, M_rows, history), C_hg
+    )
     K = np.zeros((21, 21))
     image = np.empty((6, 21))
     C_zeta = C_B.copy()
@@ -341,8 +357,8 @@ def add_full_stiffness(
     add_product(rows[0], C_M, 1.0, rows[0], image, K)
     add_product(rows[1], C_zeta, options.zeta2, rows[1], image, K)
     add_product(rows[2], C_B, options.zeta4, rows[2], image, K)
-    add_product(rows[3], C_M, 1.0 / 3.0, rows[3], image, K)
-    add_product(rows[4], C_M, 1.0 / 3.0, rows[4], image, K)
+    add_product(rows[3], C_hg, 1.0 / 3.0, rows[3], image, K)
+    add_product(rows[4], C_hg, 1.0 / 3.0, rows[4], image, K)
     add_product(rows[5], C_B, 1.0 / 9.0, rows[5], image, K)
     add_product(rows[6], C_B, 1.0 / 9.0, rows[6], image, K)
     if options.cross != 0.0:
