@@ -1,6 +1,6 @@
 """What the hyperelastic laws of films share: a sheet of rubber that keeps its volume.
 
-    W = Ψ(c1, c2) + K/4 (J² - 1 - ln J²) + μ/2 ((2 E13)² + (2 E23)²)
+    W = Ψ(c1, c2) + K/2 (J - 1)² + μ/2 ((2 E13)² + (2 E23)²)
 
 Ψ is the energy of the incompressible sheet in plane stress, a function of the eigenvalues c1, c2 of
 the right Cauchy-Green tensor C in the plane alone: the stretch over the thickness in it is
@@ -8,7 +8,10 @@ the right Cauchy-Green tensor C in the plane alone: the stretch over the thickne
 that nothing presses on takes J = 1 and has the stress of the incompressible law exactly, whatever
 the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress is that
 of the incompressible law less p in all directions, as it should be: K has to be large beside the
-pressure and not beside the shear modulus μ, and may stay as low as the step likes it.
+pressure and not beside the shear modulus μ, and may stay as low as the step likes it. With J - 1, and
+nothing that grows towards J = 0, the force on the thickness is linear in it: a thickness that
+vibrates under a stiffening force gains energy from central differences where its period is near
+three steps, and steps are that long where the thickness governs them.
 
 That fits a solid-shell with one point in the plane: its thickness is free in every element, so that
 J = 1 locks nothing. What varies along ζ sees the incompressible sheet in plane stress at rest. The
@@ -23,6 +26,7 @@ Mechanics", 6.4 and 6.5.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -37,7 +41,7 @@ from lcmchain.quantities.entry_types import AbsentMeans, Density, Modulus, Posit
 #: Bulk modulus by default, in shear moduli: as stiff as vacuum asks for, and no dearer.
 BULK_OVER_SHEAR = 25.0
 #: Stabilising stiffness of 11, 22, 33, 12, 23, 13, in shear moduli.
-STABILISING = (3.0, 3.0, 4.0, 1.0, 1.0, 1.0)
+STABILISING = (0.3, 0.3, 1.0, 0.1, 0.3, 0.3)
 
 
 class PlaneTerms(NamedTuple):
@@ -82,10 +86,12 @@ def sheet_response(terms, shear, bulk, E):
     C11, C22, C33, C12 = 1.0 + 2.0 * E[0], 1.0 + 2.0 * E[1], 1.0 + 2.0 * E[2], E[3]
     m, d = 0.5 * (C11 + C22), 0.5 * (C11 - C22)
     D = C11 * C22 - C12 * C12
-    quarter = 0.25 * bulk
-    volume = of_determinant(m, quarter * (C33 - 1.0 / D), quarter / (D * D))
+    J = math.sqrt(C33 * D)
+    half = 0.5 * bulk
+    volume = of_determinant(m, half * (J - 1.0) * J / D, 0.5 * half * J / (D * D))
     mean, ratio, mean2, mixed, change = plus_terms(terms, volume)
-    S33 = 2.0 * quarter * (D - 1.0 / C33)
+    S33 = bulk * (J - 1.0) * J / C33
+    of_area = bulk * (2.0 - 1.0 / J)  # dS33 over that of D
     S = (mean + ratio * d, mean - ratio * d, S33, ratio * C12, shear * E[4], shear * E[5])
     # with dm = dE11 + dE22, dd = dE11 - dE22 and dC12 = 2 dE12
     even, odd = mean2 + ratio + change * d * d, 2.0 * mixed * d
@@ -93,10 +99,10 @@ def sheet_response(terms, shear, bulk, E):
     other = mixed - change * d
     C_12 = mean2 - ratio - change * d * d
     rows = (
-        (even + odd, C_12, bulk * C22, side * C12, 0.0, 0.0),
-        (C_12, even - odd, bulk * C11, other * C12, 0.0, 0.0),
-        (bulk * C22, bulk * C11, bulk / (C33 * C33), -bulk * C12, 0.0, 0.0),
-        (side * C12, other * C12, -bulk * C12, ratio + change * C12 * C12, 0.0, 0.0),
+        (even + odd, C_12, of_area * C22, side * C12, 0.0, 0.0),
+        (C_12, even - odd, of_area * C11, other * C12, 0.0, 0.0),
+        (of_area * C22, of_area * C11, bulk * J / (C33 * C33), -of_area * C12, 0.0, 0.0),
+        (side * C12, other * C12, -of_area * C12, ratio + change * C12 * C12, 0.0, 0.0),
         (0.0, 0.0, 0.0, 0.0, shear, 0.0),
         (0.0, 0.0, 0.0, 0.0, 0.0, shear),
     )
@@ -126,9 +132,16 @@ def sheet_bending_rows(shear):
 
 @equation
 def sheet_stabilising(shear):
-    """Return the constant stiffness that stabilises the element, its diagonal."""
+    """Return the rows of the constant stiffness that stabilises the element, a diagonal one."""
     s = STABILISING
-    return (s[0] * shear, s[1] * shear, s[2] * shear, s[3] * shear, s[4] * shear, s[5] * shear)
+    return (
+        (s[0] * shear, 0.0, 0.0, 0.0, 0.0, 0.0),
+        (0.0, s[1] * shear, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, s[2] * shear, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, s[3] * shear, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, s[4] * shear, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, s[5] * shear),
+    )
 
 
 # --- plain ----------------------------------------------------------------------------------------
@@ -175,7 +188,7 @@ class Hyperelastic:
         D = m * m - r * r
         energy = self._energy_of(m + r)[0] + self._energy_of(m - r)[0]
         energy = energy + self._energy_of(1.0 / D)[0]
-        volume = 0.25 * self.law.bulk * (C33 * D - 1.0 - np.log(C33 * D))
+        volume = 0.5 * self.law.bulk * (np.sqrt(C33 * D) - 1.0) ** 2
         return energy + volume + 0.5 * self.law.shear * (E[..., 4] ** 2 + E[..., 5] ** 2)
 
     def stress_and_tangent(self, E: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -183,11 +196,12 @@ class Hyperelastic:
         E = np.asarray(E)
         K, C33, (m, d, r) = self.law.bulk, 1.0 + 2.0 * E[..., 2], _mean_and_difference(E)
         gamma, D = E[..., 3], m * m - r * r
+        J = np.sqrt(C33 * D)
         (_, p1, q1), (_, p2, q2) = self._energy_of(m + r), self._energy_of(m - r)
         (_, p3, q3) = self._energy_of(1.0 / D)
         # of the part of D alone, with 1/D as the third principal value
-        slope = -p3 / D**2 + 0.25 * K * (C33 - 1.0 / D)
-        bend = q3 / D**4 + 2.0 * p3 / D**3 + 0.25 * K / D**2
+        slope = -p3 / D**2 + 0.5 * K * (J - 1.0) * J / D
+        bend = q3 / D**4 + 2.0 * p3 / D**3 + 0.25 * K * J / D**2
         # derivatives over (m, d, γ); e is the unit vector of (d, γ)
         near = np.abs(r) < 1e-5 * np.abs(m)  # closer the quotients lose their digits
         safe = np.where(near, 1.0, r)
@@ -212,13 +226,13 @@ class Hyperelastic:
         own = [0, 1, 3]
         S = np.zeros(E.shape, dtype=M.dtype)
         S[..., own] = np.concatenate([S_mean[..., None], S_turn], axis=-1) @ read
-        S[..., 2] = 0.5 * K * (D - 1.0 / C33)
+        S[..., 2] = K * (J - 1.0) * J / C33
         S[..., 4:] = self.law.shear * E[..., 4:]
         C = np.zeros((*E.shape, 6), dtype=M.dtype)
         C[..., np.ix_(own, own)[0], np.ix_(own, own)[1]] = read.T @ M @ read
-        of_D = K * np.stack([m - d, m + d, -gamma], axis=-1)
+        of_D = (K * (2.0 - 1.0 / J))[..., None] * np.stack([m - d, m + d, -gamma], axis=-1)
         C[..., own, 2], C[..., 2, own] = of_D, of_D
-        C[..., 2, 2] = K / C33**2
+        C[..., 2, 2] = K * J / C33**2
         C[..., 4, 4] = C[..., 5, 5] = self.law.shear
         return S, C
 
@@ -247,7 +261,7 @@ class Hyperelastic:
     ) -> np.ndarray:
         """Return p = λ |S33| [Pa] of compaction without lateral strain; 0 when thicker."""
         stretch = np.asarray(thickness_stretch, dtype=float)
-        return np.where(stretch < 1.0, 0.5 * self.law.bulk * (1.0 / stretch - stretch), 0.0)
+        return np.where(stretch < 1.0, self.law.bulk * (1.0 - stretch), 0.0)
 
     def wave_stiffness(self) -> tuple[float, float]:
         """Return the largest stiffness in the plane and over the thickness, undeformed [Pa]."""

@@ -320,18 +320,6 @@ def matrix6(rows, C):
 
 
 @routine
-def diagonal_matrix6(moduli, C):
-    """Fill C (6, 6) with a tuple of moduli."""
-    C[:] = 0.0
-    for i in range(6):
-        C[i, i] = moduli[i]
-
-
-# a coupled law may be stabilised by a diagonal; the other structures come as rows
-stabilising_matrix = by_structure(diagonal_matrix6, matrix6, matrix6, matrix6)
-
-
-@routine
 def add_full_stiffness(
     M_rows, B_rows, rows, law, history, options, conservative, enhanced, E, norms, parts
 ):
@@ -344,9 +332,7 @@ def add_full_stiffness(
     matrix6(M_rows, C_M)
     matrix6(B_rows, C_B)
     C_hg = np.empty((6, 6))
-    stabilising_matrix(
-        stabilising_tangent(options.conservative, law, E.centre, M_rows, history), C_hg
-    )
+    matrix6(stabilising_tangent(options.conservative, law, E.centre, M_rows, history), C_hg)
     K = np.zeros((21, 21))
     image = np.empty((6, 21))
     C_zeta = C_B.copy()
