@@ -3,9 +3,9 @@
 Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
 the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed:
 the bottom of the lowest ply and the top of the uppermost; contact hands it on. An entry may name
-the ply whose face it presses, and a region (:mod:`lcmchain.effects.regional_pressure`). Together with a pore
-pressure of the same size in the elements only the edges of the sheet are loaded: the same faces
-bound both.
+the ply whose face it presses, and a region (:mod:`lcmchain.effects.regional_pressure`). Together
+with a pore pressure of the same size in the elements only the edges of the sheet are loaded: the
+same faces bound both.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
 Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
 elements with the largest pressure of the table.
@@ -178,9 +178,7 @@ def build_face_pressure(
     times, values = common_times(entries, process_time)
     sums = {
         side: sum(
-            own
-            for entry, own in zip(entries, values, strict=True)
-            if entry.face in (side, "both")
+            own for entry, own in zip(entries, values, strict=True) if entry.face in (side, "both")
         )
         + np.zeros_like(times)
         for side in ("bottom", "top")

@@ -8,18 +8,19 @@ the right Cauchy-Green tensor C in the plane alone: the stretch over the thickne
 that nothing presses on takes J = 1 and has the stress of the incompressible law exactly, whatever
 the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress is that
 of the incompressible law less p in all directions, as it should be: K has to be large beside the
-pressure and not beside the shear modulus μ, and may stay as low as the step likes it. With J - 1, and
-nothing that grows towards J = 0, the force on the thickness is linear in it: a thickness that
-vibrates under a stiffening force gains energy from central differences where its period is near
-three steps, and steps are that long where the thickness governs them.
+pressure and not beside the shear modulus μ, and may stay as low as the step likes it. The force on
+the thickness is linear in it with (J - 1)²: a thickness that vibrates under a stiffening force
+gains energy from central differences where its period is near three steps, and steps are that long
+where the thickness governs them.
 
 That fits a solid-shell with one point in the plane: its thickness is free in every element, so that
 J = 1 locks nothing. What varies along ζ sees the incompressible sheet in plane stress at rest. The
 terms that stabilise the element take a constant diagonal stiffness without K: they have a potential
 of their own, and no volume to lock.
 
-Derivatives are taken over the mean m = (c1 + c2)/2 and half the difference r of the eigenvalues. All
-energies are even in r, so that every quotient by r below has a limit where both stretches are equal.
+Derivatives are taken over the mean m = (c1 + c2)/2 and half the difference r of the eigenvalues.
+All energies are even in r, so that every quotient by r below has a limit where both stretches are
+equal.
 Sources: Ogden, Proc. R. Soc. A 326 (1972) 565 and 328 (1972) 567; Holzapfel, "Nonlinear Solid
 Mechanics", 6.4 and 6.5.
 """
@@ -155,8 +156,8 @@ class Hyperelastic:
     law : NamedTuple with ``shear`` and ``bulk`` [Pa].
     thickness : [m]. density : [kg/m³].
 
-    A law's own class gives ``_energy_of(c)``, the share of one principal value c = λ² in the energy,
-    with its two derivatives; the third principal value is 1/(c1 c2).
+    A law's own class gives ``_energy_of(c)``, the share of one principal value c = λ² in the
+    energy, with its two derivatives; the third principal value is 1/(c1 c2).
     """
 
     is_diagonal = False
@@ -285,13 +286,13 @@ class HyperelasticMaterial(MaterialTable):
 
     thickness: PositiveLength = Field(description="Thickness of the film.")
     density: Density = Field(description="Mass per volume.")
-    bulk_modulus: Annotated[
-        Modulus | None, AbsentMeans(f"{BULK_OVER_SHEAR:g} shear moduli")
-    ] = Field(
-        default=None,
-        description="Resistance to a pressure over the thickness: the film gets thinner by the "
-        "pressure over it. It changes nothing where the film is stretched alone, and a high one "
-        "makes steps short.",
+    bulk_modulus: Annotated[Modulus | None, AbsentMeans(f"{BULK_OVER_SHEAR:g} shear moduli")] = (
+        Field(
+            default=None,
+            description="Resistance to a pressure over the thickness: the film gets thinner by the "
+            "pressure over it. It changes nothing where the film is stretched alone; a high one "
+            "makes steps short.",
+        )
     )
 
     @property

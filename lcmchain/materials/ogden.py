@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.hyperelastic import (
@@ -34,6 +34,7 @@ from lcmchain.materials.law import (
     membrane_response,
 )
 from lcmchain.quantities.entry_types import Number, Range, Row, Stiffness, Text, wrong
+from lcmchain.quantities.units import split_row
 
 MOST_TERMS = 3
 #: Exponents of a term.
@@ -168,6 +169,14 @@ class OgdenMaterial(HyperelasticMaterial):
     alpha: Annotated[tuple[Annotated[float, Number(1.3, EXPONENTS)], ...], _exponents] = Field(
         description="Exponents α_p of the terms; µ_p α_p is above 0 in each."
     )
+
+    @field_validator("mu", "alpha", mode="before")
+    @classmethod
+    def _take_one(cls, value: Any) -> Any:
+        """Take the value of a single term without brackets."""
+        is_one = isinstance(value, int | float) and not isinstance(value, bool)
+        is_one |= isinstance(value, str) and split_row(value) is None
+        return [value] if is_one else value
 
     @model_validator(mode="after")
     def _check_terms(self) -> Self:

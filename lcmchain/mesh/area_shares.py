@@ -66,12 +66,12 @@ def _region(where: Where, key: str) -> Any:
         radius = where.radius * np.sqrt(angle / np.sin(angle))
         circle = radius * np.column_stack([np.cos(around), np.sin(around)])
         region = shapely.Polygon(np.array(where.point[:2]) + circle)
+    if where.box is not None and not region.area > 0.0:
+        raise InputError(f"has no area ({where.in_words}); a pressure needs one", key=key)
     if not region.is_valid:
         raise InputError(
             f"crosses itself ({explain_validity(region)}, in m); give its corners in order",
             key=f"{key}.polygon",
         )
-    if not region.area > 0.0:
-        raise InputError(f"has no area ({where.in_words}); a pressure needs one", key=key)
     shapely.prepare(region)
     return region

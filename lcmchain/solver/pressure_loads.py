@@ -107,9 +107,7 @@ def add_face_loads(face, arrays, added):
 @routine
 def add_regional_loads(face, arrays, added):
     now = present_pressures(face, arrays.clock[TIME])
-    regional_forces(
-        face.elements, arrays.position, now, face.share, added, arrays.corner_load
-    )
+    regional_forces(face.elements, arrays.position, now, face.share, added, arrays.corner_load)
 
 
 @implements(add_face_loads, FacePressure)
