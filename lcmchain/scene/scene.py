@@ -547,7 +547,7 @@ class Scene(SceneModel):
         return self
 
     def _require_fibre_density(self, asker: str, otherwise: str = "") -> None:
-        for key, material in self.stack.materials.items():
+        for key, material in {p.material_key: p.material for p in self.stack.preform}.items():
             if material.fibre_density is None:
                 raise wrong(
                     f"is missing, but {asker} needs the fibre volume fraction; give "
@@ -571,6 +571,13 @@ class Scene(SceneModel):
 
     def _check_wet_stack(self, key: str) -> None:
         """Refuse stacks in which it is not known what resin presses on, or where it is."""
+        if self.stack.films:
+            raise wrong(
+                f'lets resin flow through all plies while they are formed, but "'
+                f'{self.stack.films[0].name}" is a film, through which none flows; leave the entry '
+                "out, and the formed stack is filled",
+                field=f"{key}.with_forming",
+            )
         if not self.stack.has_one_outline:
             raise wrong(
                 "lets resin flow through all plies of a stack while it is formed, but its plies "
