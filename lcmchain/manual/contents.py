@@ -20,6 +20,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "scene",
         "stacks",
         "grippers",
+        "pressure",
+        "diaphragms",
         "coupons",
         "identification",
         "draping",
