@@ -49,6 +49,16 @@ def film_names(sheet: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(sheet[PLY].attrs.get(FILMS, "")).split())
 
 
+def without_films(sheet: xr.Dataset) -> xr.Dataset:
+    """Return the root group of a result without the faces of its films."""
+    films = film_names(sheet)
+    if not films:
+        return sheet
+    stay = [number for number, name in enumerate(ply_names(sheet)) if name not in films]
+    kept = np.flatnonzero(np.isin(sheet[PLY].values, stay))
+    return sheet.isel({UgridMesh("sheet").cell_dimension: kept})
+
+
 def ply_sheet(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
     """Return the group of a ply with the names of variables that a result with one sheet has.
 
