@@ -146,7 +146,7 @@ class Ogden(Hyperelastic):
         pairs = zip(self.law[2::2], self.law[3::2], strict=True)
         terms = [(mu, 0.5 * alpha) for mu, alpha in pairs if mu is not None]
         return (
-            sum(0.5 * mu / b * (c**b - 1.0) for mu, b in terms),  # type: ignore[return-value]
+            sum(0.5 * mu / b * (c**b - 1.0) for mu, b in terms),
             sum(0.5 * mu * c ** (b - 1.0) for mu, b in terms),
             sum(0.5 * mu * (b - 1.0) * c ** (b - 2.0) for mu, b in terms),
         )

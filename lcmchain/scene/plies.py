@@ -467,12 +467,12 @@ def check_stack(scene: Scene) -> None:
                 _not_there(ply.material, scene.materials, "entry of [materials]"), field=key
             )
     stack = stack_of(scene)
-    for ply in stack.films:
-        if ply.material.has_fibres:
+    for film in stack.films:
+        if film.material.has_fibres:
             raise wrong(
-                f'is true, but law = "{ply.material.law}" has fibres; a film is of a law without, '
+                f'is true, but law = "{film.material.law}" has fibres; a film is of a law without, '
                 'as "neo-hooke"',
-                field=f"{ply.key}.film",
+                field=f"{film.key}.film",
             )
     if stack.films and not stack.preform:
         raise wrong(
