@@ -25,6 +25,7 @@ from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
 from lcmchain.effects.pace import PaceLaw, pace_law
 from lcmchain.effects.pore_columns import PoreColumns
 from lcmchain.effects.pressures import pressures_of
+from lcmchain.effects.regional_pressure import RegionalPressure, build_regional_pressure
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
@@ -153,7 +154,7 @@ class Model:
     placed: tuple[PlacedBody, ...]
     fibre_bending: FibreBending | None
     pore: PressedElements | None
-    face_pressure: FacePressure | None
+    face_pressure: FacePressure | RegionalPressure | None
     ply_contact: PlyContact | None
     corner_force_size: int
     nodes: NodeData
@@ -483,7 +484,7 @@ def assemble_bodies(
     gap = math.inf
     if contact.penalty is None or len(bodies) > 1:  # else it decides nothing
         gap = gap_left(tools, [body.mesh for body in bodies], float(process.time), stages)
-    pressure = build_face_pressure(face_pressures, bodies, order, float(process.time))
+    pressure = _pressures_on_faces(face_pressures, bodies, order, float(process.time))
     expected = 0.0
     if len(bodies) > 1:
         bag = 0.0 if pressure is None else pressure.largest
@@ -565,6 +566,15 @@ def assemble_bodies(
             depth_time=lambda time: depths(time)[0],
         ),
     )
+
+
+def _pressures_on_faces(
+    entries: Sequence[PressureOnFace], bodies: Sequence[Body], order: Sequence[int], time: float
+) -> FacePressure | RegionalPressure | None:
+    """Return what presses on faces: two numbers a step where all act on whole outer faces."""
+    if all(entry.acts_on_whole_outer_faces for entry in entries):
+        return build_face_pressure(entries, bodies, order, time)
+    return build_regional_pressure(entries, bodies, order, time)
 
 
 def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) -> Model:

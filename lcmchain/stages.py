@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, summed_pressures
+from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, common_times
 from lcmchain.effects.grippers import RAMP_PART, Grip, GripperTable
 from lcmchain.effects.pace import PaceLaw, pace_law
+from lcmchain.effects.regional_pressure import RegionalPressure
 from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, translation
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact
@@ -57,7 +58,7 @@ class StageTables:
     gripper_begin: np.ndarray
     supports: SupportTable | None
     supports_at_work: np.ndarray
-    face_pressure: FacePressure | None
+    face_pressure: FacePressure | RegionalPressure | None
     ply_contact: PlyContact | None
     environment: Any
     averaging: float | None
@@ -295,8 +296,8 @@ def _supports_in_stage(
 
 
 def _pressures_in_stage(
-    face: FacePressure, pressures: Sequence[PressureOnFace], plan: StagePlan
-) -> FacePressure:
+    face: FacePressure | RegionalPressure, pressures: Sequence[PressureOnFace], plan: StagePlan
+) -> FacePressure | RegionalPressure:
     """Return the pressures of a stage; those of an entry count from when it came to work."""
     tables = []
     for entry, works, (begin, time) in zip(
@@ -304,12 +305,21 @@ def _pressures_in_stage(
     ):
         if works:
             times, values = entry.table(time)
-            tables.append((entry.face, begin + times, values))
-    return summed_pressures(face.elements, tables)
+            tables.append((begin + times, values))
+        else:
+            tables.append((np.array([plan.start]), np.zeros(1)))
+    times, values = common_times(tables)
+    if isinstance(face, RegionalPressure):
+        return RegionalPressure.of_shares(face.elements, face.entry_shares, times, values)
+    faces = [entry.face for entry in pressures]
+    return FacePressure.of_entries(face.elements, faces, times, values)
 
 
 def _settled(
-    plan: StagePlan, tools: ToolTable, pulls: GripperTable | None, face: FacePressure | None
+    plan: StagePlan,
+    tools: ToolTable,
+    pulls: GripperTable | None,
+    face: FacePressure | RegionalPressure | None,
 ) -> float:
     """Return when all motions and loads of a stage have come to their end [s]."""
     ends = [plan.start]

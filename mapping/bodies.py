@@ -50,6 +50,17 @@ def plies_of(
     return ply.reshape(-1).astype(np.int64), tuple(order[int(flag)] for flag in used)
 
 
+def without_films(
+    dataset: xr.Dataset, face_dimension: Hashable, films: tuple[str, ...]
+) -> xr.Dataset:
+    """Return a forming result without the faces of its films."""
+    names = str(dataset[BODY].attrs.get("flag_meanings", "")).split()
+    flags = np.atleast_1d(dataset[BODY].attrs.get("flag_values", np.arange(len(names))))
+    gone = [flag for flag, name in zip(flags, names, strict=True) if name in films]
+    kept = np.flatnonzero(~np.isin(dataset[BODY].values, gone))
+    return dataset.isel({face_dimension: kept})
+
+
 def holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
     """Faces without a value, shape (H,); a ply that does not have the field at all has no holes."""
     bad = ~np.isfinite(values)

@@ -14,9 +14,10 @@ import xarray as xr
 
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.netcdf_file import open_netcdf
+from lcmchain.fields.stack import film_names
 from lcmchain.fields.table import OF_STACK
 from lcmchain.fields.ugrid import TIME
-from lcmchain.mapping.bodies import holes_of, plies_of
+from lcmchain.mapping.bodies import holes_of, plies_of, without_films
 from lcmchain.mapping.source_checks import (
     UNREADABLE,
     mesh_of,
@@ -205,6 +206,10 @@ def _states_of(dataset: xr.Dataset) -> tuple[str, str]:
 def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     dataset = _frame_of(dataset, frame, name)
     mesh, connectivity = mesh_of(dataset, name)
+    films = film_names(dataset)
+    if films:  # taken off after forming: nothing of them is mapped
+        dataset = without_films(dataset, connectivity.dims[0], films)
+        mesh, connectivity = mesh_of(dataset, name)
     points = _node_positions(dataset, mesh, name)
     faces = _faces(connectivity, name)
     require_whole_faces(points, faces, name)
@@ -213,7 +218,7 @@ def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     permeability = _take_permeability(fields, name)
 
     ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
-    if ply_names:
+    if ply_names or films:
         fields = {key: values for key, values in fields.items() if key not in OF_STACK}
 
     holes = {key: holes_of(values, ply) for key, values in fields.items()}

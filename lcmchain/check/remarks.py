@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from lcmchain.effects import viscous_shear
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.quantities.rounded import two_digits
 from lcmchain.scene import Scene, left_out_of
+from lcmchain.scene.closure import Bag
 from lcmchain.scene.fabrics import preset_remarks
 from lcmchain.scene.plies import PlySettings, Stack
 from lcmchain.tools.tool import Tool
@@ -19,7 +23,7 @@ def scene_warnings(scene: Scene) -> list[str]:
     found = [] if stack.has_thickness else [NO_THICKNESS]
     for element in stack.elements.values():
         found += [remark for remark in element.remarks if remark not in found]
-    found += _unused_materials(scene)
+    found += _unused_materials(scene) + _films(scene) + _inflated_bags(scene)
     left_out = left_out_of(scene)
     if left_out:
         found.append(f"left out, as this model knows nothing of them: {', '.join(left_out)}")
@@ -81,6 +85,55 @@ def _unused_materials(scene: Scene) -> list[str]:
         for key in given
         if key not in used
     ]
+
+
+def _films(scene: Scene) -> list[str]:
+    """Say which plies of rubber would stay in the part."""
+    return [
+        f"{ply.key} is of rubber and stays in the part, whose fibre volume fraction is then not "
+        "known; give film = true for one that is taken off after forming"
+        for ply in scene.stack
+        if len(scene.stack) > 1 and not ply.material.has_directions and not ply.film
+    ]
+
+
+def _inflated_bags(scene: Scene) -> list[str]:
+    """Say where resin enters at a higher pressure than that of the bag over it.
+
+    The textile then bears nothing, and the bag would lift off: it has no stiffness of its own.
+    """
+    found = []
+    for name, (case, _) in scene.infiltrations.items():
+        bag = case.closure
+        if not isinstance(bag, Bag):
+            continue
+        for gate in case.gates:
+            given = gate.pressure
+            if given is None and gate.pressure_limit is not None:
+                given = (gate.pressure_limit,)
+            if given is None:
+                continue
+            own_times = gate.times if gate.pressure is not None else None
+            times = sorted({0.0, case.time, *(own_times or ()), *(bag.times or ())})
+            over = _over_time(times, given, own_times) - _over_time(times, bag.pressure, bag.times)
+            worst = int(np.argmax(over))
+            if over[worst] > 0.0:
+                found.append(
+                    f'infiltration of {name}: the gate "{gate.name}" is {1e-5 * over[worst]:.3g} '
+                    f"bar above the bag at {times[worst]:.4g} s: the textile there bears nothing, "
+                    "and the bag inflates over it, which nothing holds back; lower the pressure "
+                    "of the gate, or raise that of the bag"
+                )
+    return found
+
+
+def _over_time(
+    times: Sequence[float], values: Sequence[float], given: Sequence[float] | None
+) -> np.ndarray:
+    """Return values of a table at times, which is constant without times of its own."""
+    if given is None:
+        return np.full(len(times), values[0])
+    return np.interp(times, given, values)
 
 
 def _drag_of_added_mass(scene: Scene) -> list[str]:

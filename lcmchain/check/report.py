@@ -36,7 +36,12 @@ from lcmchain.check.tools_at_start import (
     overlapping,
     require_gaps,
 )
-from lcmchain.check.tools_closing import Closing, closing_tools, tools_that_close
+from lcmchain.check.tools_closing import (
+    Closing,
+    closing_tools,
+    require_space,
+    tools_that_close,
+)
 from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -176,6 +181,7 @@ def _report(
     needed = process_time_needed(model)
     found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
     closing = closing_tools(scene, blanks, model)
+    require_space(scene, model, closing)
     found += tools_out_of_reach(scene, model) + tools_that_close(scene, model, closing)
     return CheckReport(
         scene=scene,

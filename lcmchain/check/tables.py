@@ -26,6 +26,8 @@ from lcmchain.tools.surfaces.surface import Orientation
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from lcmchain.scene.plies import PlySettings
+
 
 #: What effects take of the time where that is not known.
 NO_PARTS: Mapping[str, float] = MappingProxyType({})
@@ -77,13 +79,24 @@ def scene_tables(scene: Scene) -> list[Table]:
     ]
 
 
+def _fibres_of(ply: PlySettings) -> str:
+    """Return the angle of the first fibres of a ply, for a film that it has none."""
+    if ply.film:
+        return "film"
+    if not ply.material.has_directions:
+        return "none"
+    return f"{np.degrees(ply.blank.fibre_angle) + 0.0:.4g} deg"
+
+
 def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
     """Plies of a stack from the top down, as they lie, and what lies between them."""
     stack = scene.stack
     if len(stack) == 1:
         return []
+    films = f" and {len(stack.films)} of films" if stack.films else ""
     plies = _table(
-        f"Stack of {len(stack)} plies, {1e3 * stack.thickness:.4g} mm thick, top first",
+        f"Stack of {len(stack.preform)} plies{films}, {1e3 * stack.thickness:.4g} mm thick, "
+        "top first",
         "ply", "material", "fibres 1", "thickness", "middle at z", "edge", "elements", "size",
     )  # fmt: skip
     for ply, count in reversed(list(zip(stack, element_counts, strict=True))):
@@ -92,7 +105,7 @@ def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
         plies.add_row(
             _text(ply.name),
             _text(str(ply.material.name)),
-            f"{np.degrees(ply.blank.fibre_angle) + 0.0:.4g} deg",
+            _fibres_of(ply),
             f"{1e3 * ply.thickness:.4g} mm",
             f"{1e3 * ply.blank.height + 0.0:.4g} mm",
             f"{1e3 * ply.blank.edge_length:.4g} mm",

@@ -1,8 +1,9 @@
 """Gaps between tools that close on each other, and whether the sheet fits between them.
 
 Prescribed tools go their way whatever lies between them. Two that face the sheet from either side
-and come closer than half its thickness, or pass through each other, crush it: a punch in a hole
-that is too small, a stroke that is too long, a tool in the way of another one.
+and come closer than half its thickness crush it: a punch in a hole that is too small, a stroke that
+is too long, a tool in the way of another one. It is told. Two that pass through each other, or into
+the fibres as they are without pores, are refused.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
+from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
@@ -93,6 +96,38 @@ def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list
             first = next(near for near in tools.course if leaves_none(near))
             found.append(_sentence(scene, model, tools.pair, first, tools.closest))
     return found
+
+
+def require_space(scene: Scene, model: Model, closing: Sequence[Closing]) -> None:
+    """Refuse tools that go through each other, or into the fibres between them.
+
+    A sheet can be pressed to the height of its fibres without pores at most.
+
+    Raises
+    ------
+    InputError : names the motion, the tools, the place and the time.
+    """
+    for tools in closing:
+        near, start = tools.closest, tools.start
+        solid = _solid_height(scene, near)
+        if near.gap >= solid or start.gap < solid:  # the start has a check of its own
+            continue
+        first = next(one for one in tools.course if one.gap < solid)
+        text = _sentence(scene, model, tools.pair, first, near)
+        if near.gap >= 0.0:
+            text += f"; its fibres alone, without pores, are {1e3 * solid:.4g} mm high"
+        moving = next(k for k in tools.pair if scene.tools[k].motion.moves)
+        raise InputError(text, key=f'tools[{moving}] "{model.tool_names[moving]}".motion')
+
+
+def _solid_height(scene: Scene, near: ClosestGap) -> float:
+    """Return the height of all fibres at a place without pores [m]; 0 where it is not known."""
+    place = shapely.Point(near.place[0], near.place[1])
+    return sum(
+        ply.material.areal_mass / ply.material.fibre_density
+        for ply in scene.stack.preform
+        if ply.material.fibre_density is not None and shapely.Polygon(ply.outline).covers(place)
+    )
 
 
 def _side(model: Model, tool: int, blanks: Sequence[BlankMesh]) -> int:

@@ -2,9 +2,10 @@
 
 Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
 the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed:
-the bottom of the lowest ply and the top of the uppermost; contact hands it on. Together with a pore
-pressure of the same size in the elements only the edges of the sheet are loaded: the same faces
-bound both.
+the bottom of the lowest ply and the top of the uppermost; contact hands it on. An entry may name
+the ply whose face it presses, and a region (:mod:`lcmchain.effects.regional_pressure`). Together
+with a pore pressure of the same size in the elements only the edges of the sheet are loaded: the
+same faces bound both.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
 Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
 elements with the largest pressure of the table.
@@ -34,9 +35,9 @@ from lcmchain.elements.pressed_elements import (
 )
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, routine
+from lcmchain.mesh.where import Where
 from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.tools.motion.smooth_step import smooth_step
 from lcmchain.tools.motion.table import tabulated_travel
 
@@ -46,12 +47,19 @@ RAMP_PIECES = 64
 RAMP_PART = 0.1
 
 
-class PressureOnFace(SceneModel):
-    """Pressure on a face of the sheet, positive where it presses on it, relative to the air's."""
+class PressureOnFace(Where):
+    """Pressure on a face of the sheet, positive where it presses on it, relative to the air's.
+
+    A box, a polygon, or a point with a radius names the region that it acts on, in the coordinates
+    of the flat sheet; without any it acts on the whole face.
+    """
 
     name: Annotated[str, Name("bag")] = Field(description="Name in results and messages.")
     stages: AtWork = Field(default=None, description=AT_WORK)
     face: Literal["top", "bottom", "both"] = Field(description="Face that the pressure acts on.")
+    ply: Annotated[Annotated[str, Name("film")] | None, AbsentMeans("the outer faces")] = Field(
+        default=None, description="The ply of a stack whose face it acts on."
+    )
     value: Annotated[Pressure | None, AbsentMeans("")] = Field(
         default=None, description="Constant pressure; give this or a table."
     )
@@ -92,6 +100,27 @@ class PressureOnFace(SceneModel):
                 raise wrong(f"do not increase after entry [{number}]", field="times")
         return self
 
+    def require_ways(self) -> None:
+        """Refuse what names no area of the sheet, or more than one."""
+        ways = self.ways
+        for way in ("set", "loop", "rim"):
+            if way in ways:
+                raise wrong(
+                    "names no area of the sheet; give a box, a polygon, or a point with a radius",
+                    field=way,
+                )
+        if len(ways) > 1:
+            raise wrong(f"needs one region, but has {' and '.join(ways)}")
+        if self.radius is not None and self.point is None:
+            raise wrong("belongs to point, which is not given", field="radius")
+        if self.point is not None and self.radius is None:
+            raise wrong("is missing: a pressure acts on an area around the point", field="radius")
+
+    @property
+    def acts_on_whole_outer_faces(self) -> bool:
+        """Whether it names neither a ply nor a region."""
+        return self.ply is None and not self.ways
+
     @property
     def _missing(self) -> str:
         return "times" if self.times is None else "values"
@@ -120,10 +149,34 @@ class FacePressure(NamedTuple):
     bottom: np.ndarray
     top: np.ndarray
 
+    @classmethod
+    def of_entries(
+        cls,
+        elements: PressedElements,
+        faces: Sequence[str],
+        times: np.ndarray,
+        values: np.ndarray,
+    ) -> FacePressure:
+        """Return the sum of pressures (L, K) [Pa] at times (K,) [s], each with its face."""
+        sums = {
+            side: sum(
+                own for face, own in zip(faces, values, strict=True) if face in (side, "both")
+            )
+            + np.zeros_like(times)
+            for side in ("bottom", "top")
+        }
+        return cls(elements, times, sums["bottom"], sums["top"])
+
     @property
     def largest(self) -> float:
         """Largest size of a pressure on a face [Pa]."""
         return float(max(np.abs(self.bottom).max(), np.abs(self.top).max()))
+
+    def size_at(self, time: float) -> float:
+        """Return the largest size of a pressure on a face at a time [Pa]."""
+        return max(
+            abs(float(np.interp(time, self.times, side))) for side in (self.bottom, self.top)
+        )
 
 
 def build_face_pressure(
@@ -142,23 +195,18 @@ def build_face_pressure(
     """
     if not entries:
         return None
-    tables = [(entry.face, *entry.table(process_time)) for entry in entries]
-    return summed_pressures(pressed_elements(bodies, order, key="pressure"), tables)
+    times, values = common_times([entry.table(process_time) for entry in entries])
+    elements = pressed_elements(bodies, order, key="pressure")
+    faces = tuple(entry.face for entry in entries)
+    return FacePressure.of_entries(elements, faces, times, values)
 
 
-def summed_pressures(
-    elements: PressedElements, tables: Sequence[tuple[str, np.ndarray, np.ndarray]]
-) -> FacePressure:
-    """Return the sum of pressures, each with its face, times [s] and values [Pa]."""
-    times = np.unique(np.concatenate([own for _, own, _ in tables])) if tables else np.zeros(1)
-    sums = {
-        side: sum(
-            np.interp(times, own, values) for face, own, values in tables if face in (side, "both")
-        )
-        + np.zeros_like(times)
-        for side in ("bottom", "top")
-    }
-    return FacePressure(elements, times, sums["bottom"], sums["top"])
+def common_times(
+    tables: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times of all tables (K,) [s], and the pressures of each then (L, K) [Pa]."""
+    times = np.unique(np.concatenate([own for own, _ in tables]))
+    return times, np.array([np.interp(times, *table) for table in tables])
 
 
 @equation
@@ -254,13 +302,26 @@ SWITCH = Switch(
 
 
 def active(model: Any) -> list[Effect]:
-    table: FacePressure | None = model.face_pressure
+    table = model.face_pressure
     if table is None:
         return [Effect("pressure on faces", False, "no [[pressure]] entry")]
     found = []
-    for side, values in (("bottom", table.bottom), ("top", table.top)):
-        if values.any():
-            low, high = 1e-6 * values.min(), 1e-6 * values.max()
-            reason = f"{low:.4g} to {high:.4g} MPa over the process"
-            found.append(Effect(f"pressure on the {side} face", True, reason))
+    if isinstance(table, FacePressure):
+        for side, values in (("bottom", table.bottom), ("top", table.top)):
+            if values.any():
+                found.append(Effect(f"pressure on the {side} face", True, _over_time(values)))
+    else:
+        pairs = zip(table.entry_values, table.entry_shares, strict=True)
+        for number, (values, share) in enumerate(pairs, start=1):
+            if values.any():
+                faces = f"{np.count_nonzero(share)} faces"
+                cut = np.count_nonzero((share > 0.0) & (share < 1.0))
+                faces += f", {cut} of them in part" if cut else ""
+                reason = f"{_over_time(values)}, on {faces}"
+                found.append(Effect(f"pressure {number} on a region or ply", True, reason))
     return found or [Effect("pressure on faces", False, "all pressures are zero")]
+
+
+def _over_time(values: np.ndarray) -> str:
+    low, high = 1e-6 * values.min(), 1e-6 * values.max()
+    return f"{low:.4g} to {high:.4g} MPa over the process"

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -78,6 +78,11 @@ class Gripper(NamedPlace):
     )
     width: Annotated[PositiveLength | None, AbsentMeans("one edge of an element")] = Field(
         default=None, description="With count: the length of the rim that each of them grips."
+    )
+    face: Annotated[Literal["bottom", "top"] | None, AbsentMeans("both")] = Field(
+        default=None,
+        description="The face whose nodes are gripped. A place that is held at one face alone "
+        "turns as on a hinge: so a film is clamped.",
     )
     hold: Annotated[Annotated[str, Text("xyz")] | None, AbsentMeans("")] = Field(
         default=None, description="Directions in which the place is held, of x, y and z."
@@ -339,7 +344,10 @@ def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Gri
 
 def _pieces(entry: Gripper, body: Any, key: str) -> list[_Piece]:
     mesh = body.mesh
-    positions, sides = mesh.node_positions, mesh.sides().values()
+    positions = mesh.node_positions
+    sides = [side for name, side in mesh.sides().items() if entry.face in (None, name)]
+    if not sides:  # one layer of nodes, which lies in both faces
+        sides = list(mesh.sides().values())
     places = Places(mesh.mid_surface(positions), mesh.sheet_faces, {}, {})
     if entry.count > 1 or entry.width is not None:
         edges = places.edges(entry, key)

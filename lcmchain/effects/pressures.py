@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from lcmchain.effects.face_pressure import FacePressure
 from lcmchain.effects.pore_columns import PoreColumns
+from lcmchain.effects.regional_pressure import RegionalPressure
 from lcmchain.elements.pressed_elements import PressedElements
 
 
@@ -24,14 +25,14 @@ class PorePressures(NamedTuple):
 class FacePressures(NamedTuple):
     """Pressures on the faces alone."""
 
-    face: FacePressure
+    face: FacePressure | RegionalPressure
 
 
 class BothPressures(NamedTuple):
     """Pressures in the pores and on the faces."""
 
     pore: PressedElements
-    face: FacePressure
+    face: FacePressure | RegionalPressure
 
 
 class ColumnPressures(NamedTuple):
@@ -46,14 +47,16 @@ class ColumnAndFacePressures(NamedTuple):
 
     pore: PressedElements
     columns: PoreColumns
-    face: FacePressure
+    face: FacePressure | RegionalPressure
 
 
 Pressures = PorePressures | FacePressures | BothPressures | ColumnPressures | ColumnAndFacePressures
 
 
 def pressures_of(
-    pore: PressedElements | None, columns: PoreColumns | None, face: FacePressure | None
+    pore: PressedElements | None,
+    columns: PoreColumns | None,
+    face: FacePressure | RegionalPressure | None,
 ) -> Pressures | None:
     """Return the interaction of a model's pressures, or None without any."""
     if pore is not None and columns is not None:

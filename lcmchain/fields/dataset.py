@@ -18,7 +18,7 @@ from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
-from lcmchain.fields.stack import PLY, StackedPly, columns_of
+from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
@@ -28,7 +28,13 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
-from lcmchain.materials.law import Material, fibre_angles, remembered
+from lcmchain.materials.law import (
+    Material,
+    fibre_angles,
+    is_film,
+    remembered,
+    tells_fibres,
+)
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
 if TYPE_CHECKING:
@@ -139,7 +145,7 @@ class SheetFrames:
             for name, value in values.items()
         }
         angles = fibre_angles(self.material)
-        if angles != TWO_ALONG_THE_AXES:
+        if angles != TWO_ALONG_THE_AXES and tells_fibres(self.material):
             for name in FIELDS["fibre_direction_1"].variables:
                 found[name][1][FROM_PLY_AXIS] = float(angles[0])
         if getattr(self.material, "buckles", False):
@@ -374,6 +380,9 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
             "flag_meanings": " ".join(sheets),
         },
     )
+    films = [name for name, sheet in sheets.items() if is_film(sheet.material)]
+    if films:
+        variables[PLY][2][FILMS] = " ".join(films)
     attributes = _global_attributes(scene, None)
     attributes["comment"] = (
         "all plies, bottom first; each has a group of its own, and stack_ fields are of those that "
@@ -459,6 +468,8 @@ def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
         "material": str(material.name),
         "areal_mass_kg_m2": float(material.areal_mass),
     }
+    if not tells_fibres(material):
+        del attributes["areal_mass_kg_m2"]
     if material.fibre_density is not None:
         attributes["fibre_density_kg_m3"] = float(material.fibre_density)
     return attributes

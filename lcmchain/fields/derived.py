@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lcmchain.materials.law import Material, fibre_angles
+from lcmchain.materials.law import Material, fibre_angles, tells_fibres
 from lcmchain.mesh.fibres import angle_of_shear, carried, change_of_angle
 from lcmchain.mesh.sheet_mesh import SheetMesh
 
@@ -35,7 +35,8 @@ def derive_fields(
     -------
     The variables of those face fields in :data:`lcmchain.fields.table.FIELDS` that follow from
     positions, each of shape (..., element_count); without ``fibre_volume_fraction`` where the fibre
-    density is unknown, and without all that needs a thickness for meshes that have none.
+    density is unknown, without all that needs a thickness for meshes that have none, and without
+    all that is of fibres for films and rubber.
 
     Notes
     -----
@@ -47,8 +48,10 @@ def derive_fields(
     current = mesh.base_vectors(np.asarray(positions, dtype=float))
     area_0, normal_0 = _length_and_direction(np.cross(reference[..., 0, :], reference[..., 1, :]))
     area, normal = _length_and_direction(np.cross(current[..., 0, :], current[..., 1, :]))
-    fibre_1, fibre_2 = (carried(own, current) for own in mesh.fibre_components)
-    in_plane = _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
+    in_plane: dict[str, np.ndarray] = {}
+    if tells_fibres(material):
+        fibre_1, fibre_2 = (carried(own, current) for own in mesh.fibre_components)
+        in_plane = _in_plane_fields(material, area_0 / area, normal, fibre_1, fibre_2)
     if not mesh.has_thickness:
         return in_plane
 

@@ -51,13 +51,31 @@ def fibre_strains(sheet: xr.Dataset) -> np.ndarray:
     return np.stack(found)
 
 
+def _along_first_edges(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit vectors along the first edge of every face and across it (face_count, 3)."""
+    points, faces = reference_positions(sheet), sheet_faces(sheet)
+    first = points[faces[:, 1]] - points[faces[:, 0]]
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(face_normals(sheet, 0), first)
+
+
 def mesh_axes(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Return both directions of the undeformed mesh (face_count, 3): the axes of the plies.
 
     Of a stack whose plies have their first families at unlike angles from their axes these are the
-    first family and the line across it.
+    first family and the line across it. Of films, which have no fibres, they are the first edges of
+    the elements and the lines across them.
     """
+    if "fibre_direction_1_x" not in sheet:
+        return _along_first_edges(sheet)
     first = vector(sheet, "fibre_direction_1", 0)
+    without = ~np.isfinite(first).all(axis=1)
+    if without.any():
+        with_fibres = sheet.isel(sheet_face=np.flatnonzero(~without))
+        edges, found = _along_first_edges(sheet), mesh_axes(with_fibres)
+        for own, axes in zip(edges, found, strict=True):
+            own[~without] = axes
+        return edges
     angle = sheet["fibre_direction_1_x"].attrs.get(FROM_PLY_AXIS)
     if angle is None and "fibre_direction_2_x" in sheet:
         second = vector(sheet, "fibre_direction_2", 0)

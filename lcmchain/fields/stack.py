@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import face_area_vectors
 from lcmchain.fields.ugrid import UgridMesh
-from lcmchain.materials.law import Material
+from lcmchain.materials.law import Material, is_film
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Variable of the root group that tells to which ply a face belongs.
 PLY = "body"
+#: Attribute of that variable: names of the plies that are films, which the preform has no part of.
+FILMS = "films"
 #: How far a column reaches to either side, in thicknesses of all plies together: plies that have
 #: come off each other by less still count as one stack.
 REACH = 2.0
@@ -38,6 +40,23 @@ def ply_names(sheet: xr.Dataset) -> tuple[str, ...]:
     if PLY not in sheet:
         return ()
     return tuple(str(sheet[PLY].attrs["flag_meanings"]).split())
+
+
+def film_names(sheet: xr.Dataset) -> tuple[str, ...]:
+    """Return the names of the plies of a result's root group that are films."""
+    if PLY not in sheet:
+        return ()
+    return tuple(str(sheet[PLY].attrs.get(FILMS, "")).split())
+
+
+def without_films(sheet: xr.Dataset) -> xr.Dataset:
+    """Return the root group of a result without the faces of its films."""
+    films = film_names(sheet)
+    if not films:
+        return sheet
+    stay = [number for number, name in enumerate(ply_names(sheet)) if name not in films]
+    kept = np.flatnonzero(np.isin(sheet[PLY].values, stay))
+    return sheet.isel({UgridMesh("sheet").cell_dimension: kept})
 
 
 def ply_sheet(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
@@ -82,6 +101,7 @@ class StackedPly:
     thickness : (F, m) [m], None where the elements predict none. initial_thickness : [m].
     areal_mass : fibre mass per present area (F, m) [kg/m²].
     fibre_density : [kg/m³], or None.
+    is_film : whether it is taken off after forming, and counts in no sum.
     """
 
     faces: np.ndarray
@@ -90,6 +110,7 @@ class StackedPly:
     initial_thickness: float
     areal_mass: np.ndarray
     fibre_density: float | None
+    is_film: bool = False
 
     @classmethod
     def of_mesh(
@@ -109,13 +130,15 @@ class StackedPly:
             faces = np.pad(faces, ((0, 0), (0, 1)), constant_values=NO_NODE)
         last = np.where(faces[:, 3] == NO_NODE, faces[:, 2], faces[:, 3])
         thickness = fields.get("thickness")
+        without = np.zeros((len(positions) if positions.ndim == 3 else 1, len(faces)))
         return cls(
             faces=np.column_stack([faces[:, :3], last]),
             positions=mesh.mid_surface(positions),
             thickness=None if thickness is None else np.atleast_2d(thickness),
             initial_thickness=material.thickness,
-            areal_mass=np.atleast_2d(fields["areal_fibre_mass"]),
+            areal_mass=np.atleast_2d(fields.get("areal_fibre_mass", without)),
             fibre_density=material.fibre_density,
+            is_film=is_film(material),
         )
 
     @cached_property
@@ -148,19 +171,23 @@ class Columns:
 
 
 def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
-    """Add up through the stack at every face of every ply."""
+    """Add up through the stack, films left out, at every face of every ply."""
     reach = REACH * sum(ply.initial_thickness for ply in plies)
-    has_thickness = all(ply.thickness is not None for ply in plies)
-    is_known = has_thickness and all(ply.fibre_density is not None for ply in plies)
+    stay = [ply for ply in plies if not ply.is_film]
+    has_thickness = all(ply.thickness is not None for ply in stay)
+    is_known = has_thickness and all(ply.fibre_density is not None for ply in stay)
     frames = range(len(plies[0].positions))
     found = []
     for ply in plies:
         shape = ply.areal_mass.shape
-        count = np.ones(shape, dtype=np.int32)
+        count = np.full(shape, 0 if ply.is_film else 1, dtype=np.int32)
         mass = ply.areal_mass.copy()
-        thickness = ply.thickness.copy() if has_thickness else None  # type: ignore[union-attr]
-        volume = ply.areal_mass / ply.fibre_density if is_known else None
-        for other in plies:
+        thickness = volume = None
+        if has_thickness:
+            thickness = np.zeros(shape) if ply.is_film else ply.thickness.copy()  # type: ignore[union-attr]
+        if is_known:
+            volume = np.zeros(shape) if ply.is_film else ply.areal_mass / ply.fibre_density
+        for other in stay:
             if other is ply:
                 continue
             for frame in frames:
@@ -174,7 +201,10 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
                     volume[frame, there] += (
                         other.areal_mass[frame, met[there]] / other.fibre_density
                     )
-        fraction = None if volume is None or thickness is None else volume / thickness
+        fraction = None
+        if volume is not None and thickness is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):  # a film beside the preform
+                fraction = volume / thickness
         found.append(Columns(count, thickness, mass, fraction))
     return found
 

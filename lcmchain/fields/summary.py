@@ -17,7 +17,7 @@ from lcmchain.fields.limits import (
 )
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
-from lcmchain.fields.stack import plies_of
+from lcmchain.fields.stack import film_names, plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
 from lcmchain.interfaces.in_frames import APART
@@ -33,7 +33,7 @@ def fibre_mass(sheet: xr.Dataset, frame: int = -1) -> float:
     A face has the area 4 |a1 × a2| at its centre, half the cross product of its diagonals, which
     is also the measure in ``areal_fibre_mass``: the mass is the initial one up to round-off.
     """
-    return float(np.sum(sheet["areal_fibre_mass"].values[frame] * sheet_areas(sheet, frame)))
+    return float(np.nansum(sheet["areal_fibre_mass"].values[frame] * sheet_areas(sheet, frame)))
 
 
 def field_summary(
@@ -69,18 +69,19 @@ def field_summary(
 def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
     """Return the extrema and the fibre mass of a sheet, or of all sheets of the root group."""
     last = sheet.isel(time=frame)
-    mass = fibre_mass(sheet, frame)
     # a sheet of a stack may lack a field that others have
     summary: dict[str, Any] = {}
     if "thickness" in last:
         summary["thickness_min_m"] = float(last["thickness"].min())
         summary["thickness_max_m"] = float(last["thickness"].max())
-    summary |= {
-        "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
-        "fibre_strain_max": float(np.nanmax(fibre_strains(last))),
-        "fibre_mass_kg": mass,
-        "fibre_mass_error": mass / fibre_mass(sheet, 0) - 1.0,
-    }
+    if "areal_fibre_mass" in last:  # a film has no fibres
+        mass = fibre_mass(sheet, frame)
+        summary |= {
+            "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
+            "fibre_strain_max": float(np.nanmax(fibre_strains(last))),
+            "fibre_mass_kg": mass,
+            "fibre_mass_error": mass / fibre_mass(sheet, 0) - 1.0,
+        }
     if "fibre_volume_fraction" in last:
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
     if "wrinkle_height" in last:
@@ -113,7 +114,8 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     Returns
     -------
     ``plies``, by name the entries of :func:`field_summary` that a ply has of its own, and
-    ``stack`` with ``ply_count``, ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
+    ``stack`` with ``ply_count`` and names of ``films``, which count in none of the others,
+    ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
     the largest fibre volume fraction: those of all plies over each other. Where plies touch both
     have ``ply_pressure_max_Pa``, ``slip_path_max_m`` and ``sliding_part``, and ``stack`` has
     ``ply_depth``, the largest depth of a node in another ply, of all frames. Nothing for one sheet.
@@ -126,13 +128,17 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     if not plies:
         return {}
     last = datasets[SHEET].isel(time=frame)
-    stack: dict[str, Any] = {"ply_count": len(plies)}
+    films = film_names(datasets[SHEET])
+    stack: dict[str, Any] = {"ply_count": len(plies) - len(films)}
+    if films:
+        stack["films"] = list(films)
     if "stack_thickness" in last:
-        stack["thickness_min_m"] = float(last["stack_thickness"].min())
+        thickness = last["stack_thickness"].where(last["stack_ply_count"] > 0)
+        stack["thickness_min_m"] = float(thickness.min())
         stack["thickness_max_m"] = float(last["stack_thickness"].max())
     if "stack_fibre_volume_fraction" in last:
         stack["fibre_volume_fraction_max"] = float(last["stack_fibre_volume_fraction"].max())
-    stack["fibre_mass_kg"] = sum(ply["fibre_mass_kg"] for ply in plies.values())
+    stack["fibre_mass_kg"] = sum(ply.get("fibre_mass_kg", 0.0) for ply in plies.values())
     stack |= _between_plies(list(sheets.values()), frame)
     stack |= _deepest_in_plies(sheets)
     return {"stack": stack, "plies": plies}

@@ -22,6 +22,8 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "stacks",
         "grippers",
         "stages",
+        "pressure",
+        "diaphragms",
         "coupons",
         "identification",
         "draping",

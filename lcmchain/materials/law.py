@@ -53,6 +53,8 @@ __all__ = [
     "bends_at_reference_thickness",
     "bends_by_curves",
     "fibre_angles",
+    "is_film",
+    "tells_fibres",
     "takes_fibre_share",
     "sum_text",
     "unrolled",
@@ -488,6 +490,16 @@ def fibre_angles(material: Material) -> tuple[float, ...]:
     A material that does not say has two, along both axes.
     """
     return getattr(material, "fibre_angles", (0.0, 0.5 * np.pi))
+
+
+def is_film(material: Material) -> bool:
+    """Tell whether a sheet is a film, which is taken off the preform after forming."""
+    return bool(getattr(material, "is_film", False))
+
+
+def tells_fibres(material: Material) -> bool:
+    """Tell whether the axes and the mass of a sheet are those of fibres."""
+    return bool(getattr(material, "has_directions", True)) and not is_film(material)
 
 
 def couples_shear(material: Material) -> bool:

@@ -9,6 +9,8 @@ from pydantic import Field
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.materials.fabric_with_set import FabricWithSetMaterial
 from lcmchain.materials.fibre_families import FibreFamiliesMaterial
+from lcmchain.materials.neo_hooke import NeoHookeMaterial
+from lcmchain.materials.ogden import OgdenMaterial
 from lcmchain.materials.st_venant_kirchhoff import (
     IsotropicMaterial,
     OrthotropicMaterial,
@@ -23,7 +25,9 @@ AnyMaterial = Annotated[
     | FibreFamiliesMaterial
     | IsotropicMaterial
     | OrthotropicMaterial
-    | StiffnessMaterial,
+    | StiffnessMaterial
+    | NeoHookeMaterial
+    | OgdenMaterial,
     Field(discriminator="law"),
 ]
 

@@ -13,11 +13,12 @@ class MaterialTable(SceneModel):
     """Base of the tables that ``[material]`` can be: all have ``law``, ``name`` and ``thickness``.
 
     families : types of elements that the law serves. has_fibres : whether it tells stiff fibres
-    from the rest.
+    from the rest. has_directions : whether its axes mean anything, as those of fibres do.
     """
 
     families: ClassVar[tuple[str, ...]] = ("solid-shell",)
     has_fibres: ClassVar[bool] = False
+    has_directions: ClassVar[bool] = True
 
     @classmethod
     def law_name(cls) -> str:

@@ -41,11 +41,15 @@ def fibre_lines(
 ) -> list[tuple[int, np.ndarray]]:
     """Return the number of each family and pieces (S, 2, 3) of its lines on the formed sheet.
 
+    A film has none.
+
     Parameters
     ----------
     points : of the formed sheet (n, 3), in the unit of what is returned.
     most : at most so many lines of a family are kept.
     """
+    if not families_of(sheet):  # a film
+        return []
     if FROM_PLY_AXIS not in sheet["fibre_direction_1_x"].attrs:
         segments = fibre_segments(sheet, most)
         return [(number, points[nodes]) for number, nodes in enumerate(segments, start=1)]

@@ -44,7 +44,7 @@ def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
 
 def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
     """Return one row for every ply of a stack, the lowest first; none for one sheet."""
-    rows = []
+    rows, films = [], summary.get("stack", {}).get("films", ())
     for name, ply in summary.get("plies", {}).items():
         parts = []
         if "thickness_min_m" in ply:
@@ -53,13 +53,17 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
         if "fibre_volume_fraction_max" in ply:
             fraction = ply["fibre_volume_fraction_max"]
             parts.append(f"fibre volume fraction up to {fraction:.3f}")
-        parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
+        if "fibre_strain_max" in ply:
+            parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
         if "wrinkle_height_max_m" in ply:
             parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
         if "slip_path_max_m" in ply:
             parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
-        angle = math.degrees(ply["shear_angle_max_rad"])
-        rows.append(Number(f"Ply {name}", f"sheared by up to {angle:.1f} deg", ", ".join(parts)))
+        value = "film" if name in films else "without fibres"
+        if "shear_angle_max_rad" in ply:
+            angle = math.degrees(ply["shear_angle_max_rad"])
+            value = f"sheared by up to {angle:.1f} deg"
+        rows.append(Number(f"Ply {name}", value, ", ".join(parts)))
     return rows
 
 
@@ -68,6 +72,8 @@ def _stack(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "thickness_min_m" in stack:
         low, high = 1e3 * stack["thickness_min_m"], 1e3 * stack["thickness_max_m"]
         meaning = f"of up to {stack['ply_count']} plies that lie over each other"
+        if stack.get("films"):
+            meaning += f", without the films {' and '.join(stack['films'])}"
         yield Number("Thickness of the stack", f"{low:.3f} to {high:.3f} mm", meaning)
     if "fibre_volume_fraction_max" in stack:
         fraction = stack["fibre_volume_fraction_max"]

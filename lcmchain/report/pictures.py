@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
-from lcmchain.fields.stack import PLY, ply_names
+from lcmchain.fields.stack import PLY, ply_names, without_films
 from lcmchain.fields.summary import has_forces
 from lcmchain.report.cut import Plane
 from lcmchain.report.extremes import mark_extremes
@@ -76,7 +76,7 @@ def draw_result(
     for shown in STACK_SHOWN if is_stack else SHOWN:
         if shown.name in sheet:
             files.append(out_dir / f"{shown.name}.png")
-            draw_field(files[-1], sheet, shown, frame)
+            draw_field(files[-1], without_films(sheet), shown, frame)
     travel = history["tool_travel"].values[frame]
     if is_stack:
         files += draw_plies(out_dir, datasets, frame)
@@ -170,6 +170,7 @@ def _from_back_to_front(sheet: xr.Dataset, view: View) -> list[np.ndarray]:
     if not count:
         return [np.arange(sheet.sizes["sheet_face"])]
     plies = [np.flatnonzero(sheet[PLY].values == number) for number in range(count)]
+    plies = [own for own in plies if own.size]  # films are left out where they count in nothing
     return plies if view.towards[2] > 0.0 else plies[::-1]
 
 

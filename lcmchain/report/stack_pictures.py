@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
 
+#: Colour of films.
+FILM_SHADE = (0.93, 0.94, 0.96, 1.0)
 #: Plies that a picture shows at most, and beside each other.
 MOST_PLIES, IN_A_ROW = 16, 4
 PANEL = 2.5  # width and height of a ply's panel [in]
@@ -188,7 +190,7 @@ def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int
             paint(axis, FROM_ABOVE, layers)
             draw_segments(axis, points[rim], FROM_ABOVE, INK, 0.7)
             draw_outline(axis, initial, rim, "initial outline", width=0.6)
-            _finish(axis, around, f"{name}, laid at {_angle(sheet):.4g}°")
+            _finish(axis, around, f"{name}, {_laid(sheet)}")
         for number in sorted(shown):
             colour = FIBRE_COLOURS[number - 1]
             axes[0].plot([], [], color=colour, lw=1.5, label=f"fibre {number}")
@@ -237,10 +239,12 @@ def _finish(axis: Axes, around: np.ndarray, title: str) -> None:
     axis.tick_params(labelsize=6, length=2, pad=1.5)
 
 
-def _angle(sheet: xr.Dataset) -> float:
-    """Return the angle from x to fibre 1 before forming [degrees]."""
+def _laid(sheet: xr.Dataset) -> str:
+    """Say at which angle from x fibre 1 was before forming, or that there are no fibres."""
+    if "fibre_direction_1_x" not in sheet:
+        return "without fibres"
     x, y = vector(sheet, "fibre_direction_1", 0).mean(axis=0)[:2]
-    return float(np.degrees(np.arctan2(y, x)).round(6)) + 0.0
+    return f"laid at {float(np.degrees(np.arctan2(y, x)).round(6)) + 0.0:.4g}°"
 
 
 def _subtitle(plies: Sequence[tuple[str, xr.Dataset]], frame: int, count: int | None = None) -> str:
@@ -269,7 +273,13 @@ def draw_exploded(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: in
     seen = view.on_screen(np.concatenate(lifted))
     extent = np.ptp(seen, axis=0)
     height = float(np.clip(7.2 * extent[1] / max(extent[0], 1e-12), 2.0, 14.0))
-    values = [shown.factor * sheet[shown.name].values[frame] for _, sheet in plies]
+    # a film has no shear angle
+    values = [
+        shown.factor * sheet[shown.name].values[frame]
+        if shown.name in sheet
+        else np.full(len(own), np.nan)
+        for (_, sheet), own in zip(plies, faces, strict=True)
+    ]
     # what lies farther from the viewer is painted first
     order = range(len(plies)) if view.towards[2] > 0.0 else range(len(plies) - 1, -1, -1)
     with matplotlib.rc_context(RC):
@@ -279,7 +289,8 @@ def draw_exploded(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: in
         for depth, number in enumerate(order):
             name, sheet = plies[number]
             points, rim = lifted[number], boundary_edges(faces[number])
-            shades = colours.to_rgba(values[number])
+            shades = colours.to_rgba(np.nan_to_num(values[number]))
+            shades[np.isnan(values[number])] = FILM_SHADE
             step = float(np.median(np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)))
             layers = [
                 sheet_layer(points[faces[number]], view, shades),
@@ -292,7 +303,7 @@ def draw_exploded(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: in
             place = corner[np.argmin(corner[:, 0])]
             start = (seen[:, 0].min() - 0.02 * extent[0], place[1])
             axis.plot(*np.array([start, place]).T, color=FAINT, lw=0.5, zorder=0.5)
-            axis.text(*start, f"{name}, {_angle(sheet):.4g}° ", fontsize=8, ha="right", va="center")
+            axis.text(*start, f"{name}, {_laid(sheet)} ", fontsize=8, ha="right", va="center")
         room = seen - [0.22 * extent[0], 0.0]  # for the names
         fit_axis(axis, np.concatenate([seen, room]), 0.02)
         axis.set_axis_off()

@@ -30,7 +30,7 @@ from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.outline import outline_of
 from lcmchain.quantities.at_work import share_a_stage
-from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, wrong
+from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
 from lcmchain.scene.layup import angles_of
 
 if TYPE_CHECKING:
@@ -88,6 +88,13 @@ class Ply(Blank):
         default=None, description="Kind of element of this ply and its options."
     )
 
+    film: Switch = Field(
+        default=False,
+        description="A film that helps to form the others and is taken off afterwards: a "
+        "diaphragm, a release film. It counts in no thickness, fibre volume fraction, mapping or "
+        "infiltration of the preform.",
+    )
+
     @field_validator("element", mode="before")
     @classmethod
     def _complete_element(cls, value: Any) -> Any:
@@ -115,6 +122,7 @@ class PlySettings:
     key : scene entry that the blank stands in, ``blank`` or ``plies[1] "top"``.
     material_key : scene entry of the material, ``material`` or ``materials.biaxial``.
     element_key : scene entry of the element.
+    film : whether it is taken off after forming.
     """
 
     name: str
@@ -126,6 +134,7 @@ class PlySettings:
     key: str
     material_key: str
     element_key: str
+    film: bool = False
 
     @property
     def thickness(self) -> float:
@@ -167,7 +176,12 @@ class PlySettings:
 
     def built_material(self) -> Material:
         """Return the material as it is simulated, with the modulus of fibres that is asked for."""
-        return with_fibre_modulus(self.material.build(), self.fibre_modulus_factor)
+        built: Any = self.material.build()
+        if self.film:
+            built.is_film, built.fibre_density = True, None
+        if not self.material.has_fibres:  # beside plies with fibres; check_scene sees to the rest
+            return built
+        return with_fibre_modulus(built, self.fibre_modulus_factor)
 
     def build_blank(self, **options: Any) -> BlankMesh:
         """Mesh the ply with solid-shells, whatever its elements.
@@ -225,6 +239,16 @@ class Stack(Sequence[PlySettings]):
 
     def __len__(self) -> int:
         return len(self.plies)
+
+    @property
+    def preform(self) -> tuple[PlySettings, ...]:
+        """The plies that stay: all but the films."""
+        return tuple(ply for ply in self.plies if not ply.film)
+
+    @property
+    def films(self) -> tuple[PlySettings, ...]:
+        """The plies that are taken off after forming."""
+        return tuple(ply for ply in self.plies if ply.film)
 
     @property
     def materials(self) -> dict[str, AnyMaterial]:
@@ -383,6 +407,7 @@ def stack_of(scene: Scene) -> Stack:
             key=key,
             material_key="material" if own is None else f"materials.{own}",
             element_key="element" if entry.element is None else f"{key}.element",
+            film=entry.film,
         )
         height = entry.height if entry.height is not None else _height_on(laid, ply)
         laid.append(replace(ply, blank=entry.model_copy(update={"height": height})))
@@ -468,6 +493,19 @@ def check_stack(scene: Scene) -> None:
                 _not_there(ply.material, scene.materials, "entry of [materials]"), field=key
             )
     stack = stack_of(scene)
+    for film in stack.films:
+        if film.material.has_fibres:
+            raise wrong(
+                f'is true, but law = "{film.material.law}" has fibres; a film is of a law without, '
+                'as "neo-hooke"',
+                field=f"{film.key}.film",
+            )
+    if stack.films and not stack.preform:
+        raise wrong(
+            "are films alone, which are taken off after forming: nothing would be left; leave film "
+            "out of one of them",
+            field="plies",
+        )
     for entry, ply_element in stack.elements.items():
         if len(stack) > 1 and not ply_element.has_forces:
             raise wrong(

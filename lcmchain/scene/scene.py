@@ -552,6 +552,13 @@ class Scene(SceneModel):
                 'layer of nodes; use element = "solid-shell"',
                 field="pressure",
             )
+        for index, entry in enumerate(self.pressure):
+            names = [ply.name for ply in stack]
+            if entry.ply is not None and entry.ply not in names:
+                raise wrong(
+                    f'is "{entry.ply}", but there is no such ply; there is {", ".join(names)}',
+                    field=f'pressure[{index}] "{entry.name}".ply',
+                )
         if len(stack) > 1:
             self._check_what_knows_one_sheet()
         self._check_infiltrations()
@@ -582,7 +589,7 @@ class Scene(SceneModel):
         return self
 
     def _require_fibre_density(self, asker: str, otherwise: str = "") -> None:
-        for key, material in self.stack.materials.items():
+        for key, material in {p.material_key: p.material for p in self.stack.preform}.items():
             if material.fibre_density is None:
                 raise wrong(
                     f"is missing, but {asker} needs the fibre volume fraction; give "
@@ -592,19 +599,27 @@ class Scene(SceneModel):
 
     def _check_what_knows_one_sheet(self) -> None:
         """Refuse the loads and stages that a stack would need a rule of its own for."""
-        if self.pressure and not self.stack.has_one_outline:
-            raise wrong(
-                "acts on the outer faces of a stack, but its plies have unlike outlines: which "
-                "faces lie bare beside a smaller ply changes as they slide; give all plies one "
-                "outline, or press with a tool",
-                field="pressure",
-            )
+        for index, entry in enumerate(self.pressure):
+            if entry.ply is None and not self.stack.has_one_outline:
+                raise wrong(
+                    "acts on the outer faces of a stack, but its plies have unlike outlines: which "
+                    "faces lie bare beside a smaller ply changes as they slide; name the ply whose "
+                    "face is pressed (ply), give all plies one outline, or press with a tool",
+                    field=f'pressure[{index}] "{entry.name}"',
+                )
         for key, case in self._cases():
             if case.with_forming is not None:
                 self._check_wet_stack(key)
 
     def _check_wet_stack(self, key: str) -> None:
         """Refuse stacks in which it is not known what resin presses on, or where it is."""
+        if self.stack.films:
+            raise wrong(
+                f'lets resin flow through all plies while they are formed, but "'
+                f'{self.stack.films[0].name}" is a film, through which none flows; leave the entry '
+                "out, and the formed stack is filled",
+                field=f"{key}.with_forming",
+            )
         if not self.stack.has_one_outline:
             raise wrong(
                 "lets resin flow through all plies of a stack while it is formed, but its plies "

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.dispatch import implements
+from lcmchain.dispatch import implements, required
 from lcmchain.effects.face_pressure import (
     FacePressure,
     face_forces,
@@ -29,6 +29,7 @@ from lcmchain.effects.pressures import (
     FacePressures,
     PorePressures,
 )
+from lcmchain.effects.regional_pressure import RegionalPressure, present_pressures, regional_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
 from lcmchain.jit import equation, routine, span_routine
@@ -97,9 +98,21 @@ def add_pore_loads(pore, arrays, dt):
     )
 
 
-@routine
+@required
 def add_face_loads(face, arrays, added):
     """Write the loads of the pressures on the faces; ``added`` is True where others lie there."""
+
+
+@implements(add_face_loads, RegionalPressure)
+@routine
+def add_regional_loads(face, arrays, added):
+    now = present_pressures(face, arrays.clock[TIME])
+    regional_forces(face.elements, arrays.position, now, face.share, added, arrays.corner_load)
+
+
+@implements(add_face_loads, FacePressure)
+@routine
+def add_outer_face_loads(face, arrays, added):
     bottom, top = face_pressures(face, arrays.clock[TIME])
     face_forces(face.elements, arrays.position, bottom, top, added, arrays.corner_load)
 
@@ -218,8 +231,11 @@ def _of_columns(
     return omega2, float(np.max(state.pore_resistance[columns.lane] * mobility))
 
 
-def _of_face(face: FacePressure, state: State) -> float:
+def _of_face(face: FacePressure | RegionalPressure, state: State) -> float:
     """Return ω² of the largest pressures on the faces [1/s²]."""
     found = np.empty(face.elements.padded_count)
+    if isinstance(face, RegionalPressure):
+        face_frequencies(face.elements, state.position, 1.0, found)
+        return float((found * face.peak).max())
     face_frequencies(face.elements, state.position, face.largest, found)
     return float(found.max())

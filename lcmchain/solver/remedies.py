@@ -51,10 +51,7 @@ def stiffer_contact(model: Model, state: State) -> str:
         # the pressure of a tool that goes on grows with about the square of its travel
         grows = growth(model, state) ** 2
     if pressure is not None:
-        now = max(
-            abs(float(np.interp(state.time, pressure.times, side)))
-            for side in (pressure.bottom, pressure.top)
-        )
+        now = pressure.size_at(state.time)
         grows = max(grows, pressure.largest / max(now, pressure.largest / MOST_PRESSURE_GROWTH))
     left = DEPTH_LEFT * LARGEST_PENETRATION * thickness
     needed = model.environment.penalty * max(grows * depth / left, 1.0)

@@ -381,3 +381,15 @@ def test_names_are_told_apart():
     text = FRAME + '\n[[grippers]]\nname = "frame-3"\npoint = "0 0 0 mm"\nhold = "z"\n'
     with pytest.raises(InputError, match='makes a second gripper "frame-3"'):
         build_model(scene_from_text(text))
+
+
+@pytest.mark.parametrize(("face", "nodes"), [(None, 6), ("bottom", 3), ("top", 3)])
+def test_a_gripper_may_hold_one_face_alone(face, nodes):
+    """As a hinge: the sheet turns about the nodes of that face."""
+    chosen = "" if face is None else f'face = "{face}"\n'
+    text = STRIP.replace('hold = "xyz"\n', f'hold = "xyz"\n{chosen}')
+    model = build_model(scene_from_text(text))
+    held = model.grips[0].nodes
+    assert held.size == nodes
+    height = model.node_positions[held, 2]
+    assert face is None or (np.sign(height) == (1 if face == "top" else -1)).all()

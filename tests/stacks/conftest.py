@@ -43,14 +43,16 @@ def laid():
     def make(scene):
         stack, sheets, positions = scene.stack, {}, []
         for ply in stack:
-            mesh, material = MidSurfaceMesh.of_blank(ply.build_blank()), ply.material.build()
+            mesh, material = MidSurfaceMesh.of_blank(ply.build_blank()), ply.built_material()
             flat = mesh.node_positions
             both = np.stack([flat, onto_dome(flat, stack[0].blank.height)])
             thickness = np.full((2, mesh.element_count), material.thickness)
             thickness[1] *= 0.9
-            fraction = material.areal_mass / (material.fibre_density * thickness)
             none = np.empty((2, 0, mesh.element_count))
-            given = {"thickness": thickness, "fibre_volume_fraction": fraction}
+            given = {"thickness": thickness}
+            if material.fibre_density is not None:
+                fraction = material.areal_mass / (material.fibre_density * thickness)
+                given["fibre_volume_fraction"] = fraction
             sheets[ply.name] = SheetFrames(
                 LaidSheet(mesh, material), both, none, given, None, None, np.nan
             )

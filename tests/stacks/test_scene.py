@@ -206,7 +206,7 @@ WRONG = {
     ),
     "a pressure on a smaller ply": (
         PRESET + PLY + PLY.replace('"20 mm"', '"15 mm"') + BAG,
-        "pressure: acts on the outer faces of a stack, but its plies have unlike outlines",
+        r'pressure\[0\] "bag": acts on the outer faces .* but its plies have unlike outlines',
     ),
     "value of a named material": (
         PLY + 'material = "lower"\n[materials.lower]\npreset = "MD600"\nthickness = "3 N"\n',

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from lcmchain.check import check_scene
 from lcmchain.effects.contact_depth import closest_gap
+from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.tools.closest_gap import places_of_sheet
@@ -92,8 +93,11 @@ def hole(radius, name="die", side="below", z=0.0):
     return HOLE.format(name=name, radius=radius, side=side, z=z)
 
 
-def test_a_punch_that_is_larger_than_its_hole_is_told_with_tools_place_gap_and_travel():
-    (warning,) = told(PUNCH.format(distance=20), hole(14))
+def test_a_punch_that_is_larger_than_its_hole_is_refused_with_tools_place_gap_and_travel():
+    with pytest.raises(InputError) as refused:
+        checked(PUNCH.format(distance=20), hole(14))
+    warning = refused.value.message
+    assert refused.value.key == 'tools[0] "punch".motion'
     assert warning.startswith("punch and die overlap by ")
     assert "at 40 ms, punch at a travel of 20 mm" in warning
     assert "which is 1.004 mm thick, from " in warning and "check tools.punch.motion" in warning
@@ -113,11 +117,23 @@ def test_tools_on_the_same_side_have_no_sheet_between_them():
 
 def test_plates_that_are_closest_on_the_way_are_told_at_that_time():
     low = PLATE.format(name="bed", side="below", z=0, motion='type = "fixed"')
-    (warning,) = told(low, PLATE.format(name="press", side="above", z=10.3, motion=THERE_AND_BACK))
-    assert "bed and press are 0.3 mm apart" in warning
+    (warning,) = told(low, PLATE.format(name="press", side="above", z=10.4, motion=THERE_AND_BACK))
+    assert "bed and press are 0.4 mm apart" in warning
     assert "at 17.05 ms, press at a travel of 10 mm" in warning
     higher = PLATE.format(name="press", side="above", z=10.6, motion=THERE_AND_BACK)
     assert told(low, higher) == []
+
+
+@pytest.mark.parametrize("above, refused", [(0.325, True), (0.34, False)])
+def test_a_gap_below_the_fibres_without_pores_is_refused(above, refused):
+    """600 g/m² of 1.81 g/cm³ are 0.3315 mm high."""
+    low = PLATE.format(name="bed", side="below", z=0, motion='type = "fixed"')
+    press = PLATE.format(name="press", side="above", z=10.0 + above, motion=THERE_AND_BACK)
+    if not refused:
+        assert len(told(low, press)) == 1
+        return
+    with pytest.raises(InputError, match=r"0\.325 mm apart .* without pores, are 0\.3315 mm high"):
+        checked(low, press)
 
 
 def test_check_shows_gaps_between_tools_against_the_thickness_before_anything_else():

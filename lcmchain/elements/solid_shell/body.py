@@ -124,7 +124,9 @@ class SolidShellBody:
                 "material.bending.viscous_1 and viscous_2)",
                 key="element.hourglass",
             )
-        if choices.hourglass == "published" and hasattr(material, "stabilising_terms"):
+        own_terms = hasattr(material, "stabilising_terms")
+        changes = not (material.is_diagonal or material.constant_tangent)
+        if choices.hourglass == "published" and (own_terms or changes):
             raise InputError(
                 'is "published", which is derived for a diagonal stiffness; use "conservative"',
                 key="element.hourglass",
