@@ -255,8 +255,10 @@ def test_a_sheared_piece_is_pressed_as_the_law_says(degrees):
     """0.1 % from 0.02 to 1.4 MPa on the present area, from the thickness that it takes freely."""
     sheared = {"shear_angle": math.radians(degrees)} if degrees else {}
     result = compaction(table(1.0), size=10e-3, **sheared)
-    assert len(result.comparisons) == 7
-    assert max(abs(c.relative) for c in result.comparisons) < 1e-3
+    # unsheared, the measured pressures of the paper stand beside
+    of_law = [own for own in result.comparisons if "experiment" not in own.origin]
+    assert len(of_law) == 7
+    assert max(abs(c.relative) for c in of_law) < 1e-3
     free = 1.004 / math.cos(math.radians(degrees))
     assert result.curves["thickness [mm]"][0] == pytest.approx(free, rel=1e-3)
 
