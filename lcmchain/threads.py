@@ -34,7 +34,7 @@ def _file_of_package(package: str, name: str) -> Path | None:
         found = [file for file in files(package) or () if file.name == name]
     except PackageNotFoundError:
         return None
-    return Path(found[0].locate()).resolve() if found else None  # type: ignore[arg-type]
+    return Path(found[0].locate()).resolve() if found else None
 
 
 def launch_before_compiled_code_is_loaded() -> None:
