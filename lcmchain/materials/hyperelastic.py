@@ -162,7 +162,7 @@ class Hyperelastic:
 
     is_diagonal = False
     constant_tangent = False
-    compacts = True
+    compacts = True  # of C33 over E33; the force on the thickness is linear in it
     shear_range: float | None = None
     locks = False
     couples_thickness = False
@@ -311,11 +311,6 @@ class HyperelasticMaterial(MaterialTable):
         if self.bulk_modulus is not None:
             return self.bulk_modulus
         return BULK_OVER_SHEAR * self.shear_modulus_at_rest
-
-    @property
-    def compacts(self) -> bool:
-        """Its modulus over the Green-Lagrange strain grows, though the force is linear."""
-        return True
 
     @property
     def fibre_angles(self) -> tuple[float, ...]:
