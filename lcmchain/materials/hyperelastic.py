@@ -162,7 +162,7 @@ class Hyperelastic:
 
     is_diagonal = False
     constant_tangent = False
-    compacts = False
+    compacts = True  # of C33 over E33; the force on the thickness is linear in it
     shear_range: float | None = None
     locks = False
     couples_thickness = False
