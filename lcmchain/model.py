@@ -187,6 +187,17 @@ class Model:
         """The present stage, None where the process has one."""
         return self.stages[self.stage] if self.stages else None
 
+    def tools_at_work(self, time: float) -> np.ndarray:
+        """Return whether contact with each tool is evaluated at a time [s] of the process (T,).
+
+        A border of two stages belongs to the one that ends there.
+        """
+        if not self.stages:
+            return np.ones(len(self.tool_names), dtype=bool)
+        ends = np.array([stage.end for stage in self.stages])
+        number = min(int(np.searchsorted(ends, time * (1.0 - 1e-12))), len(ends) - 1)
+        return self.stages[number].tools_at_work
+
     def in_stage(self, number: int, state: Any) -> Model:
         """Return the model in a stage, of which the state says where it began."""
         return self.stages[number].model(self, number, self.whole, state)

@@ -52,8 +52,10 @@ def _depths(model: Model, tools: Sequence[int], snapshot: Snapshot) -> np.ndarra
 
     Depths that are driven to zero lie on both sides of it.
     """
-    depth = np.full(model.node_count, -np.inf)
+    depth, at_work = np.full(model.node_count, -np.inf), model.tools_at_work(snapshot.time)
     for tool in tools:
+        if not at_work[tool]:
+            continue
         travel = float(snapshot.tool_travel[tool])
         gap = gaps(model.tools, tool, snapshot.position, travel)
         gap -= model.nodes.offset - model.tools.initial_overlap[tool]

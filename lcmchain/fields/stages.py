@@ -120,8 +120,8 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
     ``stages``: of every stage that has begun ``name``, ``start_s``, ``end_s`` and the ``tools`` at
     work; of one that ends at rest ``rest`` with ``reached_s``, when it was reached, or None,
     ``energy_part``, the last peak of the kinetic energy over what was stored, ``wanted``, the part
-    below which the sheet is at rest, and ``stops``. ``springback_max_m``, ``springback_mean_m`` of
-    the last frame, where there is one.
+    below which the sheet is at rest, ``stops``, and whether the stage ``ended``.
+    ``springback_max_m``, ``springback_mean_m`` of the last frame, where there is one.
     """
     if not model.stages:
         return {}
@@ -143,6 +143,7 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
                 else None,
                 "wanted": stage.rest_energy,
                 "stops": int(rest[REST_STOPS]),
+                "ended": bool(state.time >= stage.end * (1.0 - 1e-12)),
             }
         found.append(entry)
     summary: dict[str, Any] = {"stages": found}
@@ -159,7 +160,7 @@ def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
     found = []
     for stage in summary.get("stages", ()):
         rest = stage.get("rest")
-        if rest is None or rest["reached_s"] is not None:
+        if rest is None or rest["reached_s"] is not None or not rest["ended"]:
             continue
         part = rest["energy_part"]
         how = "its motions took all of the time"

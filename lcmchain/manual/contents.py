@@ -12,7 +12,7 @@ FOLDER = Path(__file__).resolve().parent
 
 #: Topics by section; a topic is the name of its file without ``.md``.
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Start": ("index", "tutorial", "new"),
+    "Start": ("index", "tutorial", "new", "jobs"),
     "Jobs": (
         "run",
         "report",

@@ -160,3 +160,10 @@ def test_a_run_that_is_killed_in_each_stage_resumes_to_the_same_bits(tmp_path, r
     assert summary["step_count"] == simulation.state.step_count
     assert [stage["name"] for stage in summary["stages"]] == ["bend", "release"]
     assert 'id="stages"' in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_stage_that_was_stopped_on_its_way_is_not_told_to_be_restless():
+    rest = {"reached_s": None, "energy_part": 0.1, "wanted": 1e-4, "stops": 3, "ended": True}
+    (told,) = rest_warnings({"stages": [{"name": "release", "rest": rest}]})
+    assert "release" in told
+    assert rest_warnings({"stages": [{"name": "release", "rest": rest | {"ended": False}}]}) == []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
+from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
@@ -153,3 +154,10 @@ def test_a_stage_without_time_and_stroke_is_an_error():
     alone = SCENE.partition("[[stages]]")[0].replace("frames = 13", 'time = "5 ms"')
     with pytest.raises(InputError, match="the scene has no .*stages"):
         scene(text=alone)
+
+
+def test_a_tool_is_at_work_in_its_stages_and_a_border_belongs_to_the_one_before():
+    model = build_model(scene())
+    works = [model.tools_at_work(time)[1] for time in (0.0, 4e-3, 6e-3, 6.1e-3, 12e-3)]
+    assert works == [True, True, True, False, False]
+    assert model.tools_at_work(12e-3)[0]
