@@ -25,8 +25,8 @@ class Fingerprint(NamedTuple):
     """Hashes of the parts that decide the numbers of a forming run.
 
     scene : of the validated values, in SI; of a scene built in Python as of one from a file.
-    files : of the contents of the mesh files that its tools name, and of what drawings of its blanks
-        hold.
+    files : of the contents of the mesh files that its tools name, and of what the drawings of its
+        blanks hold.
     sources : of the source files of lcmchain. A version would not tell two states of a
         development install apart. Processor and numba may change the last bits and are left out.
     """
