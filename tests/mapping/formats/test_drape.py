@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.mapping import TargetMesh, compute_weights, read_sheet, transfer
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.mapping import MappingOptions, map_file, read_target
 from lcmchain.mapping.formats import export
 
 
@@ -123,7 +124,7 @@ def test_numbers_beyond_eight_columns_and_doubled_ones_are_errors(bowl, numbered
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_every_ply_of_a_stack_has_tables_of_its_own(make, tmp_path, order):
+def test_every_ply_of_a_stack_has_tables_of_its_own(make, write_mesh, tmp_path, order):
     """Two flat plies of unlike shear; the upper one is short and thins along x."""
     thick, middle = (1.2e-3, 0.8e-3), (-0.4e-3, 0.6e-3)
     meshes, families, thicknesses = [], [], []
@@ -139,15 +140,17 @@ def test_every_ply_of_a_stack_has_tables_of_its_own(make, tmp_path, order):
         fibre_direction_1=[pair[0] for pair in families],
         fibre_direction_2=[pair[1] for pair in families],
     )
-    sheet = read_sheet(stack)
+    write_netcdf(tmp_path / "forming.nc", {"/": stack})
     flat, quads = make.grid(18, 18, (-0.9, -0.9), (0.9, 0.9))
-    target = TargetMesh(make.lifted(flat), (("quad", quads),), {})
-    fields = transfer(sheet, target, compute_weights(sheet, target))
-    report = export(fields, target, "drape", tmp_path / "stack.drape.fem")
+    mesh = write_mesh(make.lifted(flat), [("quad", quads)])
+    options = MappingOptions(exports=("drape",))
+    report = map_file(tmp_path / "forming.nc", mesh, tmp_path / "stack.nc", options)
+    thickness = report.exports[0]["details"]["ply_thickness_m"]
+    target = read_target(mesh)
     tables = read_tables(tmp_path / "stack.drape.fem")
     # from the lowest to the highest, whatever the order of the result
     names = [("under", "over")[order.index(ply)] for ply in (0, 1)]
-    assert list(report.details["ply_thickness_m"]) == names
+    assert list(thickness) == names
     text = (tmp_path / "stack.drape.fem").read_text()
     of_tables = [line[2:] for line in text.splitlines() if line.startswith(("$ under", "$ over"))]
     assert of_tables == [f"{name} fibre_direction_{k}" for name in names for k in (1, 2)]
@@ -158,6 +161,6 @@ def test_every_ply_of_a_stack_has_tables_of_its_own(make, tmp_path, order):
         between = np.mod(second[:, 2] - first[:, 2], 180.0)
         assert between == pytest.approx(90.0 - np.degrees(shear), abs=1e-4)
         row = np.searchsorted(target.cell_ids, first[:, 0].astype(int))
-        formed = 2.0 * report.details["ply_thickness_m"][names[ply]] * first[:, 1]
+        formed = 2.0 * thickness[names[ply]] * first[:, 1]
         assert formed == pytest.approx(thick[ply] * (1.0 + 0.2 * ply * x[row]), rel=1e-6)
     assert not any("no row" in sentence for sentence in report.warnings)
