@@ -146,7 +146,7 @@ def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefini
         guid=unit_guid(scene, variables),
         fingerprint={
             "scene": fingerprint.scene,
-            "contents of the mesh files of its tools": fingerprint.files,
+            "contents of the mesh files of its tools, or of its drawings": fingerprint.files,
             "source files of lcmchain": fingerprint.sources,
         },
         title=scene.title,

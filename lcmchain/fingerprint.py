@@ -25,7 +25,8 @@ class Fingerprint(NamedTuple):
     """Hashes of the parts that decide the numbers of a forming run.
 
     scene : of the validated values, in SI; of a scene built in Python as of one from a file.
-    files : of the contents of the mesh files that its tools name.
+    files : of the contents of the mesh files that its tools name, and of what the drawings of its
+        blanks hold.
     sources : of the source files of lcmchain. A version would not tell two states of a
         development install apart. Processor and numba may change the last bits and are left out.
     """
@@ -43,7 +44,7 @@ class Fingerprint(NamedTuple):
         """Say in words what differs from another run, empty if nothing does."""
         words = {
             "scene": "another scene (or other --set values)",
-            "files": "other contents of the mesh files of its tools",
+            "files": "other contents of the mesh files of its tools, or of its drawings",
             "sources": "other source files of lcmchain",
         }
         mine, others = self._asdict(), other._asdict()
@@ -94,4 +95,7 @@ def _file_hash(scene) -> str:
                 digest.update(hashlib.file_digest(file, "sha256").digest())
         except OSError as error:
             raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    for blank in (scene.blank, *scene.plies):
+        if blank is not None and blank.drawing is not None:
+            digest.update(json.dumps(blank.shape).encode())
     return digest.hexdigest()

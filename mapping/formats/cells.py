@@ -69,17 +69,18 @@ class MappedCells:
         """
         return self._taken(self.scalars, name, wanted_by)
 
-    def families(self, wanted_by: str) -> tuple[np.ndarray, ...]:
+    def families(self, wanted_by: str, prefix: str = "") -> tuple[np.ndarray, ...]:
         """Return the directions of all fibre families, unit vectors of shape (C, 3).
+
+        prefix : before the names of a ply's fields.
 
         Raises
         ------
         InputError : the mapped result has none, or of another one only some cells.
         """
-        further = [name for name in FIBRE_FAMILIES[1:] if name in self.vectors]
-        return tuple(
-            self._taken(self.vectors, name, wanted_by) for name in (FIBRE_FAMILIES[0], *further)
-        )
+        first, *others = (f"{prefix}{family}" for family in FIBRE_FAMILIES)
+        further = [name for name in others if name in self.vectors]
+        return tuple(self._taken(self.vectors, name, wanted_by) for name in (first, *further))
 
     def permeability(self, wanted_by: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the two principal permeabilities in the plane [m2], (C, 2), and the larger's axis.

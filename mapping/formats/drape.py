@@ -15,29 +15,40 @@ from lcmchain.atomic import replacing
 from lcmchain.mapping.formats.bulk_data import line, real, require_narrow, rounded
 from lcmchain.mapping.formats.cells import MappedCells
 from lcmchain.mapping.formats.report import ExportReport, Loss, Saver, worst
+from lcmchain.mapping.plies import HEIGHT, SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 
 NAME = "drape"
 
 
 class Tables(NamedTuple):
-    """Rows of the mapped elements, M of them.
+    """Rows of one ply, on the M elements where it lies.
 
+    name : of the ply; empty for the only sheet of a part.
     ids : numbers of the elements, shape (M,).
-    thinning : thickness over its mean over the part, shape (M,).
+    thinning : thickness over its mean over the ply, shape (M,).
     angles : of each family [degrees], each of shape (M,).
+    mean : thickness of the ply, weighted by area [m].
     """
 
+    name: str
     ids: np.ndarray
     thinning: np.ndarray
     angles: list[np.ndarray]
+    mean: float
+
+    @property
+    def of_family(self) -> float:
+        """Thickness of each family [m]."""
+        return self.mean / len(self.angles)
 
 
 def prepare(path: Path, cells: MappedCells) -> Saver:
-    """Get ready to write one DRAPE table per fibre family, with a row per mapped element.
+    """Get ready to write one DRAPE table per ply and fibre family, with a row per element there.
 
     The angle counts from side 1-2 of the element, positive about its normal. Each family is a ply
-    with its share of the thickness; the thinning factor relates it to the mean of the part.
+    with its share of the thickness; the thinning factor relates it to the mean of its ply. Of a
+    stack every ply has tables of its own, the lowest along the normals of the elements first.
 
     Raises
     ------
@@ -47,54 +58,93 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
     cells.require_shells(NAME)
     target = cells.target
     require_narrow(target.cell_ids, "cell", target.file)
-    thickness = cells.scalar("thickness", NAME)
-    families = cells.families(NAME)
-    known = cells.mapped & np.isfinite(sum(families)).all(axis=1)
-    mean = float(np.average(thickness[known], weights=target.surface.areas[known]))
-    tables = Tables(
-        target.cell_ids[known],
+    plies = [_tables_of(cells, name) for name in _plies(cells)]
+    return partial(_write, path, cells, [ply for ply in plies if len(ply.ids)])
+
+
+def _plies(cells: MappedCells) -> list[str]:
+    """Names of the plies from the lowest to the highest; one that is empty without a stack."""
+    names = [key.removeprefix(SHARE) for key in cells.scalars if key.startswith(SHARE)]
+    areas = cells.target.surface.areas
+
+    def mean_height(name: str) -> float:
+        height = cells.scalar(f"{HEIGHT}{name}", NAME)
+        known = np.isfinite(height)
+        return float(np.average(height[known], weights=areas[known])) if known.any() else 0.0
+
+    return sorted(names, key=mean_height) or [""]
+
+
+def _tables_of(cells: MappedCells, name: str) -> Tables:
+    prefix = f"{name}_" if name else ""
+    thickness = cells.scalar(f"{prefix}thickness", NAME)
+    families = cells.families(NAME, prefix)
+    known = np.isfinite(thickness) & np.isfinite(sum(families)).all(axis=1)
+    if not name:
+        known &= cells.mapped
+    areas = cells.target.surface.areas[known]
+    mean = float(np.average(thickness[known], weights=areas)) if known.any() else 0.0
+    return Tables(
+        name,
+        cells.target.cell_ids[known],
         thickness[known] / mean,
         [np.degrees(angle_from_first_side(cells, family))[known] for family in families],
+        mean,
     )
-    return partial(_write, path, cells, tables, mean)
 
 
-def _write(path: Path, cells: MappedCells, tables: Tables, mean: float) -> ExportReport:
-    count = len(tables.angles)
-    share = 1.0 / count
+def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
+    families = [(ply, number) for ply in plies for number in range(len(ply.angles))]
     with replacing(path) as temporary, temporary.open("w", encoding="ascii") as file:
-        for text in _head(cells, mean, count):
+        for text in _head(cells, families):
             file.write(f"$ {text}\n")
-        for number, angles in enumerate(tables.angles, start=1):
-            file.write(f"$ {FIBRE_FAMILIES[number - 1]}\n{line('DRAPE', number)}\n")
-            for row in zip(*(column.tolist() for column in (tables.ids, tables.thinning, angles))):
+        for number, (ply, family) in enumerate(families, start=1):
+            file.write(f"$ {_title(ply, family)}\n{line('DRAPE', number)}\n")
+            columns = (ply.ids, ply.thinning, ply.angles[family])
+            for row in zip(*(column.tolist() for column in columns)):
                 file.write(line("", "ELEM", *row) + "\n")
+    losses = [*_losses_of_layers(plies), *_rounding(plies)]
+    covered = np.unique(np.concatenate([ply.ids for ply in plies])) if plies else np.empty(0)
+    missing = cells.target.cell_count - len(covered)
+    if missing:
+        losses.append(Loss(f"{missing} unmapped cells have no row"))
+    thicknesses = {ply.name: ply.of_family for ply in plies}
+    if "" in thicknesses:
+        given = f"give each ply the thickness {thicknesses['']:.6g} m"
+        details: dict[str, object] = {"ply_thickness_m": thicknesses[""]}
+    else:
+        each = ", ".join(f"{value:.6g} m ({name})" for name, value in thicknesses.items())
+        given = f"give each ply the thickness of its table, {each},"
+        details = {"ply_thickness_m": thicknesses}
+    note = (
+        f"{given} and the angle 0, and the elements no material angle or coordinate system of "
+        "their own"
+    )
+    return ExportReport(NAME, [path.name], len(covered), losses, [note], details)
+
+
+def _losses_of_layers(plies: list[Tables]) -> list[Loss]:
+    most = max((len(ply.angles) for ply in plies), default=1)
     layer = {
         1: "the fibre volume fraction and every other field have no place in the table",
         2: "each family is a ply of half the thickness; that both lie in one layer, the fibre "
         "volume fraction and every other field have no place in the table",
         3: "each family is a ply of a third of the thickness; that all lie in one layer, the fibre "
         "volume fraction and every other field have no place in the table",
-    }[count]
-    losses = [Loss(layer), *_rounding(tables)]
-    missing = cells.target.cell_count - len(tables.ids)
-    if missing:
-        losses.append(Loss(f"{missing} unmapped cells have no row"))
-    note = (
-        f"give each ply the thickness {share * mean:.6g} m and the angle 0, and the elements no "
-        "material angle or coordinate system of their own"
-    )
-    return ExportReport(
-        NAME, [path.name], len(tables.ids), losses, [note], {"ply_thickness_m": share * mean}
-    )
+    }[most]
+    return [Loss(layer)]
 
 
-def _rounding(tables: Tables) -> list[Loss]:
-    turned = np.max([np.abs(rounded(angles) - angles) for angles in tables.angles], axis=0)
-    stretched = np.abs(rounded(tables.thinning) / tables.thinning - 1.0)
+def _rounding(plies: list[Tables]) -> list[Loss]:
+    turned = [
+        np.max([np.abs(rounded(angles) - angles) for angles in ply.angles], axis=0) for ply in plies
+    ]
+    stretched = [np.abs(rounded(ply.thinning) / ply.thinning - 1.0) for ply in plies]
+    ids = np.concatenate([ply.ids for ply in plies])
+    angles = np.radians(np.concatenate(turned))
     return [
-        worst("angles have eight columns", np.radians(turned), tables.ids, unit="rad"),
-        worst("thinning factors have eight columns", stretched, tables.ids, unit="1"),
+        worst("angles have eight columns", angles, ids, unit="rad"),
+        worst("thinning factors have eight columns", np.concatenate(stretched), ids, unit="1"),
     ]
 
 
@@ -113,20 +163,33 @@ def angle_from_first_side(cells: MappedCells, directions: np.ndarray) -> np.ndar
     return 0.5 * np.pi - np.mod(0.5 * np.pi - angle, np.pi)
 
 
-def _head(cells: MappedCells, mean: float, count: int) -> list[str]:
+def _head(cells: MappedCells, families: list[tuple[Tables, int]]) -> list[str]:
     source = cells.provenance.get("source", "lcmchain")
+    names = [_title(ply, family) for ply, family in families]
     plies = [
-        f"PLY,{number},MID,{real(mean / count)},0.0,,,{number}, +, ESID   ({name})"
-        for number, name in enumerate(FIBRE_FAMILIES[:count], start=1)
+        f"PLY,{number},MID,{real(ply.of_family)},0.0,,,{number}, +, ESID   ({name})"
+        for number, ((ply, _), name) in enumerate(zip(families, names), start=1)
     ]
-    of_families = {1: "the fibre family", 2: "both fibre families", 3: "three fibre families"}
+    of_sheet = {1: "the fibre family", 2: "both fibre families", 3: "three fibre families"}
+    is_stack = bool(families[0][0].name) if families else False
+    what = "every ply of a stack" if is_stack else of_sheet[len(families)]
+    order = [
+        "The plies stand in the order of their heights along the normals, lowest first; the",
+        "element set ESID of a ply holds the elements that have a row in its table.",
+    ]
     return [
-        f"Draping of {of_families[count]}; {_plain(str(source))}; lengths in m, angles in degrees.",
-        "T of a row: thickness of the formed sheet over its mean; THETA: angle of the fibre from",
+        f"Draping of {what}; {_plain(str(source))}; lengths in m, angles in degrees.",
+        f"T of a row: thickness of the formed {'ply' if is_stack else 'sheet'} over its mean; "
+        "THETA: angle of the fibre from",
         "side 1-2 of the element, positive about its normal.",
+        *(order if is_stack else []),
         "The plies that take these tables (fill in material and element sets):",
         *plies,
     ]
+
+
+def _title(ply: Tables, family: int) -> str:
+    return _plain(f"{ply.name} {FIBRE_FAMILIES[family]}".strip())
 
 
 def _plain(text: str) -> str:

@@ -102,7 +102,7 @@ def test_contents_of_mesh_files_are_in_the_fingerprint(scene_file):
     mesh.write_text("solid block \n", encoding="utf-8")
     other = fingerprint_of(TEXT, scene_file)
     assert other.scene == known.scene and other.sha256 != known.sha256
-    assert known.difference(other) == "other contents of the mesh files of its tools"
+    assert "contents of the mesh files of its tools" in known.difference(other)
     scene = scene_from_text(TEXT, scene_file)
     mesh.unlink()
     with pytest.raises(InputError, match="block.stl"):

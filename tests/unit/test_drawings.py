@@ -8,6 +8,7 @@ import pytest
 import shapely
 
 from lcmchain.errors import InputError
+from lcmchain.fingerprint import run_fingerprint
 from lcmchain.mesh.dxf import read_drawing
 from lcmchain.scene import read_scene
 
@@ -148,6 +149,21 @@ def test_a_scene_is_drawn_and_keeps_its_own_cuts_beside(tmp_path):
     (tmp_path / "part.dxf").unlink()
     assert scene.with_longer_edges(1.5).stack[0].contours.area == ply.contours.area
     assert scene.alone(ply).stack[0].contours.area == ply.contours.area
+
+
+def test_what_a_drawing_holds_is_in_the_fingerprint_and_not_its_file(tmp_path):
+    def fingerprint(scale):
+        drawing_of(lambda space, _: rounded_plate(space, scale)).saveas(tmp_path / "part.dxf")
+        (tmp_path / "scene.toml").write_text(SCENE.format(more=""))
+        return read_scene(tmp_path / "scene.toml")
+
+    known = fingerprint(1.0)
+    of_known = run_fingerprint(known)
+    other = run_fingerprint(fingerprint(1.01))
+    assert of_known.difference(other).endswith("or of its drawings")
+    assert run_fingerprint(fingerprint(1.0)) == of_known
+    (tmp_path / "part.dxf").unlink()
+    assert run_fingerprint(known) == of_known
 
 
 def wrong_gap(space, _):
