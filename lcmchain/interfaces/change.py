@@ -2,31 +2,40 @@
 
 A film is cured, a tack is gone, plies are tied: the points stay where they are, and what the laws
 of the old interface stored goes. Each point begins on the new interface as one that has just come
-to touch. What that changes in the stored energy is returned, half a step before as everywhere
-(:mod:`lcmchain.interfaces.refresh`).
+to touch. What that changes in the energy is returned.
+
+The energy ½ v₋·M v₊ + U that central differences conserve changes by ΔU + ½ dt v₋·Δf, where f are
+the forces, and by the work that friction of the present step has taken already. A refresh may take
+ΔU half a step before instead (:mod:`lcmchain.interfaces.refresh`). That leaves out (dt v)² ∂²U/8: a
+sliding ply that is tied from one step to the next would be booked a part of its motion.
 """
 
 from __future__ import annotations
 
 import math
 
+from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.law import carried, load_memory, memory_size, store_memory
-from lcmchain.interfaces.refresh import energy_before, way_to_facet
+from lcmchain.interfaces.refresh import way_to_facet
 from lcmchain.interfaces.rows import (
+    AREA,
     HELD,
     INTERFACE,
     LAST_DAMPING,
     REACH,
+    RIM,
     SLIP,
     STIFFNESS,
     all_parameters,
     memory_rows,
     row_start,
+    spring_energy,
+    sum_of_laws,
     touch_of,
 )
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import entry, ordered_span_routine
-from lcmchain.tools.span_rows import SPAN, put_vector
+from lcmchain.tools.span_rows import SPAN, put_vector, vector_at
 
 
 @entry
@@ -54,9 +63,7 @@ def change_point(data, laws, arrays, dt_last, point):
     interface = data.interface[ply, other]
     if int(rows[at + INTERFACE * SPAN]) == interface:
         return 0.0
-    booked = -energy_before(
-        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
-    )
+    booked = -energy_at_border(data, laws, arrays, rows, at, facet, dt_last, point)
     starts = memory_rows(laws)
     if interface == NONE:
         arrays.ply_facet[point] = NONE
@@ -78,9 +85,26 @@ def change_point(data, laws, arrays, dt_last, point):
     begin(fourth, values[3], rows, at + starts[3] * SPAN, touch)
     begin(fifth, values[4], rows, at + starts[4] * SPAN, touch)
     begin(sixth, values[5], rows, at + starts[5] * SPAN, touch)
-    return booked + energy_before(
-        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
-    )
+    return booked + energy_at_border(data, laws, arrays, rows, at, facet, dt_last, point)
+
+
+@ordered_span_routine
+def energy_at_border(data, laws, arrays, rows, at, facet, dt_last, point):
+    """Return U + ½ dt v₋·f of the spring and the laws of a point, and what is lost in the step [J].
+
+    facet : that the point is over. at : its place in the first row. dt_last : the last step [s].
+    """
+    r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
+    v = way_to_facet(arrays.velocity, data.facet_node, facet, rows, at, point)
+    moved = (dt_last * v[0], dt_last * v[1], dt_last * v[2])
+    touch = touch_of(rows, at, r, moved, dt_last)
+    values = all_parameters(laws, int(rows[at + INTERFACE * SPAN]))
+    force, tension, stored, lost, _ = sum_of_laws(laws, values, memory_rows(laws), rows, at, touch)
+    stored += spring_energy(rows, at, touch)
+    force = plus(touch.pressure - tension, touch.normal, force)
+    per_share = stored * rows[at + AREA * SPAN] / touch.area if touch.area > 0.0 else 0.0
+    force = plus(-per_share, vector_at(rows, RIM, at), force)
+    return stored + lost + 0.5 * dot(moved, force)
 
 
 @ordered_span_routine

@@ -88,8 +88,8 @@ rest = true
 }
 
 
-def staged(*names: str, overrides=(), tools: str = TOOLS, head: str = HEAD):
-    """Return the scene with some of the stages, and one more behind them.
+def text_of(*names: str, tools: str = TOOLS, head: str = HEAD) -> str:
+    """Return the text of the scene with some of the stages, and one more behind them.
 
     Entries are at work in those of their stages that are there, else in the last one.
     """
@@ -97,8 +97,12 @@ def staged(*names: str, overrides=(), tools: str = TOOLS, head: str = HEAD):
     for line in [line for line in tools.splitlines() if line.startswith("stages")]:
         own = [f'"{name}"' for name in STAGES if f'"{name}"' in line and name in names]
         text = text.replace(line, f"stages = [{', '.join(own) or quoted}]")
-    text += "".join(STAGES[name] for name in names) + AFTER
-    return scene_from_text(text, overrides=overrides)
+    return text + "".join(STAGES[name] for name in names) + AFTER
+
+
+def staged(*names: str, overrides=(), tools: str = TOOLS, head: str = HEAD):
+    """Return the scene of :func:`text_of`."""
+    return scene_from_text(text_of(*names, tools=tools, head=head), overrides=overrides)
 
 
 def simulation_of(*names: str, overrides=(), **parts) -> Simulation:

@@ -90,7 +90,8 @@ def test_rest_takes_no_more_steps_and_closes_the_balance(released):
     assert simulation.time == pytest.approx(0.46)
     energy = simulation.energy()
     assert energy["kinetic"] == 0.0
-    assert abs(energy["balance_error"]) < 5e-3 * energy["external"]
+    # to the rounding of what is stored: 3e-4 without what changes between a step and its stop
+    assert abs(energy["balance_error"]) < 2e-5 * energy["external"]
     samples = simulation.state.samples
     assert int(simulation.state.counters[6]) == len(samples)
     assert np.all(np.diff(samples[:, 0]) > 0.0)
