@@ -29,8 +29,8 @@ from lcmchain.scene.pace import (
     entries_that_slow,
     is_driven,
     is_led,
-    led_tools,
     led_time,
+    led_tools,
     slower_process,
     slowing_entry,
 )

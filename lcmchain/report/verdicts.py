@@ -36,8 +36,8 @@ from lcmchain.scene.pace import (
     has_guided_load,
     is_driven,
     is_led,
-    led_tools,
     led_time,
+    led_tools,
     slowing_entry,
 )
 from lcmchain.solver import guards
