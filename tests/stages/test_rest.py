@@ -14,7 +14,7 @@ from lcmchain.pipeline import run
 from lcmchain.report.stages import stage_chapters
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import REST_STOPS
+from lcmchain.state import EXTERNAL, REST_STOPS
 
 MS = 1e-3
 
@@ -163,16 +163,17 @@ def test_a_run_that_is_killed_in_each_stage_resumes_to_the_same_bits(tmp_path, r
     assert 'id="stages"' in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_stop_enlarges_no_vibration_that_steps_hardly_resolve(released):
-    """Thickness vibrations at nine tenths of the stable step; each stop once made them 2.6 times."""
-    scene = released[0]
-    simulation = Simulation.from_scene(scene)
+def test_a_stop_enlarges_no_vibration_that_steps_hardly_resolve():
+    """Of all frequencies that the mesh has; each stop once made the fastest 2.6 times as large."""
+    simulation = Simulation.from_scene(scene_from_text(BENT))
     simulation.advance_to(60.5 * MS)
     model, state = simulation.model, simulation.state
-    noise = 0.02 * np.random.default_rng(3).standard_normal(state.velocity.shape)
+    stored = simulation.stored_energy()
+    noise = 0.5 * np.random.default_rng(3).standard_normal(state.velocity.shape)
     state.velocity += noise * model.nodes.free
     given = 0.5 * float(np.sum(model.nodes.mass * np.sum(state.velocity**2, axis=0)))
-    assert given > simulation.stored_energy()  # or the swing of the strip would hide it
+    state.work[EXTERNAL] += given
+    assert given > stored  # or the swing of the strip would hide it
     simulation.advance_to(60.6 * MS)
     start = simulation.energy()["balance_error"]
     for time in np.linspace(61.0, 90.0, 30) * MS:
