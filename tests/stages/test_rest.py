@@ -165,7 +165,7 @@ def test_a_run_that_is_killed_in_each_stage_resumes_to_the_same_bits(tmp_path, r
 
 
 def test_a_sheet_starts_from_a_stop_with_half_a_step():
-    """Velocities of 1/2 and 3/2 of a step's acceleration follow: with a whole one first, 1 and 2."""
+    """Velocities of 1/2 and 3/2 of a step times the acceleration follow, not 1 and 2."""
     simulation = Simulation.from_scene(scene_from_text(BENT))
     simulation.advance_to(60.5 * MS)
     model, state = simulation.model, simulation.state
