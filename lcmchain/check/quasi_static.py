@@ -29,6 +29,7 @@ from lcmchain.scene.pace import (
     entries_that_slow,
     is_driven,
     is_led,
+    led_time,
     led_tools,
     slower_process,
     slowing_entry,
@@ -318,11 +319,17 @@ def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
     """Say where the process is faster than the sheet can follow."""
-    if not is_driven(scene) or scene.time_is_found or scene.process.time >= needed.least:
+    time = led_time(scene)
+    if not is_driven(scene) or scene.time_is_found or time >= needed.least or time == 0.0:
         return []
+    given = f"process.time = {milliseconds(time)} is"
+    if scene.stages:
+        given = (
+            f"the stages in which tools are led take {milliseconds_text(time)} together, which is"
+        )
     return [
-        f"process.time = {milliseconds(scene.process.time)} is shorter than {PERIODS[0]} periods "
+        f"{given} shorter than {PERIODS[0]} periods "
         f"of the slowest shear vibration of the sheet ({milliseconds_text(needed.period)} each): "
-        "inertia will be part of forces and shape; use process.time = "
-        f"{milliseconds(needed.least)} or more"
+        "inertia will be part of forces and shape; use "
+        f"{slower_process(scene, needed.least, time)} or more"
     ]

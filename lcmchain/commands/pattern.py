@@ -156,16 +156,26 @@ def _tell(found: list[Round], edge_length: float, limit: float | None, folder: P
 def _sheet(source: Path, ply: str | None):
     """Open the sheet of a result, or one of its plies."""
     from lcmchain.fields.netcdf import read_forming, read_group
+    from lcmchain.fields.stack import ply_names, ply_sheet
 
     if source.is_dir():
         raise InputError("is a folder; name the forming.nc in it", file=source)
     if not source.is_file():
         raise InputError("there is no such file", file=source)
-    if ply is not None:
-        return read_group(source, ply)
     sheet = read_forming(source)
-    if "body" in sheet:
-        raise InputError("holds several plies; name one of them", key="--ply", file=source)
+    plies = ply_names(sheet) if "body" in sheet else ()
+    if ply is not None and ply not in plies:
+        raise InputError(
+            f'"{ply}" is no ply of it; it has {", ".join(plies) or "one sheet"}',
+            key="--ply",
+            file=source,
+        )
+    if ply is not None:
+        return ply_sheet({f"/{ply}": read_group(source, ply)}, ply)
+    if plies:
+        raise InputError(
+            f"holds several plies; name one of them: {', '.join(plies)}", key="--ply", file=source
+        )
     return sheet
 
 

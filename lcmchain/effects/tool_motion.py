@@ -40,5 +40,8 @@ def active(model: Any) -> list[Effect]:
             travel = np.array([prescribed_travel(tools, tool, time)[0] for time in times])
             moving = times[:-1][np.diff(travel) != 0.0]
             reason = f"{1e3 * travel[-1]:.4g} mm at the end of {1e3 * model.process_time:g} ms"
+            low, high = travel.min(), travel.max()
+            if low < min(travel[0], travel[-1]) or high > max(travel[0], travel[-1]):
+                reason = f"between {1e3 * low:.4g} and {1e3 * high:.4g} mm, {reason}"
             found.append(Effect(f"prescribed motion of {name}", moving.size > 0, reason))
     return found

@@ -31,6 +31,9 @@ INSIDE = 0.5
 #: A node counts as over a face down to this barycentric coordinate: at its rim but for rounding,
 #: since meshes of the same lattice lie on each other's lines.
 WITHIN = -1e-6
+#: An edge crosses a face if both its ends are this part of its length off the plane: in a plane
+#: flange they are off by rounding. A node that is nearer is found by the distance above.
+OFF_PLANE = 1e-6
 #: Lips of a slit lie in one plane before forming, up to this part of the thickness.
 COPLANAR = 1e-6
 #: Faces whose neighbours are looked at together: what bounds the memory.
@@ -191,4 +194,6 @@ def _crosses(corners: np.ndarray, ends: np.ndarray) -> np.ndarray:
     ])  # fmt: skip
     rim = WITHIN * np.abs(around).sum(axis=0)
     through = np.all(around > rim, axis=0) | np.all(around < -rim, axis=0)
-    return (before * after < 0.0) & through
+    least = OFF_PLANE * np.linalg.norm(way, axis=1) * np.linalg.norm(normal, axis=1)
+    apart = (np.minimum(np.abs(before), np.abs(after)) > least) & (before * after < 0.0)
+    return apart & through

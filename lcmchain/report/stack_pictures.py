@@ -370,7 +370,8 @@ def draw_stack_sections(
         if tools is not None:
             handles += [
                 matplotlib.lines.Line2D([], [], color=colour, lw=1.6, label=name)
-                for name, colour in zip(tools.names, tools.colours)
+                for tool, (name, colour) in enumerate(zip(tools.names, tools.colours))
+                if tools.shows(tool)
             ]
         figure.legend(
             handles=handles, loc="upper right", ncols=6,
@@ -447,6 +448,8 @@ def _draw_unrolled_tools(
     across = 1e-3 * np.linspace(*axis.get_ylim(), PLACES[1])
     points = plane.place(line.places(along, across)).reshape(-1, 3)
     for tool, colour in enumerate(tools.colours):
+        if not tools.shows(tool):
+            continue
         distance = gaps(tools.table, tool, np.ascontiguousarray(points), float(travel[tool]))
         distance = distance.reshape(len(across), len(along))
         if (distance < 0.0).any() and (distance > 0.0).any():

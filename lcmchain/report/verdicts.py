@@ -36,6 +36,7 @@ from lcmchain.scene.pace import (
     has_guided_load,
     is_driven,
     is_led,
+    led_time,
     led_tools,
     slowing_entry,
 )
@@ -236,17 +237,19 @@ def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]
     needed = summary.get("process_time_needed_s")
     if needed is None or not is_driven(scene):
         return
-    time = scene.process.time
+    time = led_time(scene)
     if scene.time_is_found:
+        time = scene.process.time
         pace = summary.get("pace", {})
         text = f"left out; the process takes {milliseconds_text(time)} at the fastest"
         if pace:
             text += f", and took {milliseconds_text(pace['sheet_time_s'])}"
         yield Verdict("Process time", GOOD, text)
         return
+    led = " in the stages in which tools are led" if scene.stages else ""
     grade = grade_of(-time, -needed["least_s"], -needed["shear_period_s"])
     text = (
-        f"{1e3 * time:.4g} ms; the sheet, whose slowest shear vibration takes "
+        f"{1e3 * time:.4g} ms{led}; the sheet, whose slowest shear vibration takes "
         f"{milliseconds_text(needed['shear_period_s'])}, needs at least "
         f"{milliseconds_text(needed['least_s'])}"
     )
@@ -255,7 +258,7 @@ def _process_time(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]
     else:
         sufficient = milliseconds_text(needed["sufficient_s"])
         text += f", and from {sufficient} on nothing should change any more"
-    yield Verdict("Process time", grade, text, "process.time" if grade != GOOD else "")
+    yield Verdict("Process time", grade, text, slowing_entry(scene) if grade != GOOD else "")
 
 
 def _halvings(summary: Mapping[str, Any]) -> Iterator[Verdict]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -39,11 +40,25 @@ def slowing_entry(scene: Scene) -> str:
     return "process.time" if not scene.stages else "time of the [[stages]]"
 
 
-def slower_process(scene: Scene, time: float) -> str:
-    """Return the scene entry, with its value, by which a led process takes a longer time [s]."""
+def led_time(scene: Scene) -> float:
+    """Return how long tools have for their ways [s]: stages in which none is led do not count."""
+    if not scene.stages:
+        return scene.process.time
+    return math.fsum(
+        stage.time or 0.0
+        for stage in scene.stages
+        if any(motion.moves and motion.kind != GUIDED for motion in stage.motions.values())
+    )
+
+
+def slower_process(scene: Scene, time: float, now: float | None = None) -> str:
+    """Return the scene entry, with its value, by which a led process takes a longer time [s].
+
+    now : what takes ``time`` then takes this time now [s]; the whole process by default.
+    """
     if not scene.time_is_found:
         if scene.stages:
-            factor = two_digits_up(time / scene.process.time)
+            factor = two_digits_up(time / (now or scene.process.time))
             return f"times of the [[stages]] that are {factor} times as long"
         return f"process.time = {milliseconds(time)}"
     return more_quasi_static(scene.process.quasi_static, time / scene.process.time)

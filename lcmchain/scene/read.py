@@ -300,6 +300,8 @@ def _resolved_text(scene: Scene, key: str, text: str) -> str:
         return f"{scene.contact.friction:g} ({text})"
     if text == "process.time" and key.startswith("stages."):
         return "the end of the stage"
+    if scene.stages and text.endswith(" of process.time"):
+        return text.replace("process.time", "the stage in which it comes to work")
     if text == "process.time":
         return f"{scene.process.time:g} s ({text})"
     return _found_text(scene, key) or text

@@ -80,7 +80,8 @@ def slower_loads(model: Model, moved: float) -> str:
     times = math.sqrt(max(moved / LARGEST_KINETIC_PART, 1.0))
     if model.pace is not None:
         return more_quasi_static(model.pace.quasi_static, times)
-    entries = [] if model.face_pressure is None else ["pressure.ramp"]
+    pressed = model.face_pressure is not None and model.face_pressure.largest > 0.0
+    entries = ["pressure.ramp"] if pressed else []  # in this stage: it may come later or be gone
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
         entries.append(f"tools.{model.tool_names[tool]}.motion.ramp")
     longer = f"process.time = {milliseconds(times * model.process_time)}"

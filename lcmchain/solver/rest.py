@@ -24,6 +24,7 @@ from lcmchain.solver.guards import energy_floor
 from lcmchain.solver.histories import next_sample_time, take_sample
 from lcmchain.state import (
     KINETIC,
+    LAST_STEP,
     MASS_DAMPING,
     REST_LAST,
     REST_PEAK,
@@ -80,6 +81,25 @@ def calm(model: Model, state: State, stored: Callable[[], float]) -> None:
             rest[REST_TIME] = state.time
 
 
+def starts_again(model: Model, state: State) -> bool:
+    """Tell whether the next step is the first after a stop: it is made alone."""
+    stage = model.present_stage
+    if stage is None or stage.rest_energy is None:
+        return False
+    return state.last_step == 0.0 and state.step_count > 0
+
+
+def book_start(model: Model, state: State) -> None:
+    """Book what the first step after a stop takes out of the sum that later steps keep.
+
+    Steps keep the stored energy and ½ m v(n - 1/2) v(n + 1/2). Both velocities around a place of
+    rest are half of a step's acceleration, of opposite sign: the product is -½ m v².
+    """
+    taken = _kinetic(model, state)
+    state.work[MASS_DAMPING] += float(state.work[KINETIC]) + taken
+    state.work[KINETIC] = -taken
+
+
 def _kinetic(model: Model, state: State) -> float:
     """Return the energy of the present velocities [J], which no vibration makes negative."""
     moved = float(np.sum(model.nodes.mass * np.sum(state.velocity**2, axis=0)))
@@ -95,6 +115,9 @@ def _stop(model: Model, state: State, stored: Callable[[], float]) -> None:
     before = stored()
     state.velocity[:] = 0.0
     state.tool_velocity[model.tools.mass > 0.0] = 0.0
+    # From rest the first step moves on with half the acceleration. With all of it, a vibration that
+    # steps hardly resolve would be larger after each stop: 2.6 times at nine tenths of the limit.
+    state.clock[LAST_STEP] = 0.0
     state.work[MASS_DAMPING] += float(state.work[KINETIC]) + before - stored()
     state.work[KINETIC] = 0.0
 

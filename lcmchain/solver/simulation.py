@@ -287,8 +287,11 @@ class Simulation:
         step = self.prepare_steps()
         remaining = (until - self.time) / self.state.pace
         count = max(1, math.ceil(remaining / step))
-        chunk = min(count, STEPS_PER_CHUNK)
+        first_after_stop = rest.starts_again(self.model, self.state)
+        chunk = 1 if first_after_stop else min(count, STEPS_PER_CHUNK)
         self._make_chunk(chunk, remaining / count)
+        if first_after_stop:
+            rest.book_start(self.model, self.state)
         if chunk == count:
             self.state.clock[TIME] = until
         if self.model.pace is not None:

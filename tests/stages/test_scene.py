@@ -7,11 +7,14 @@ import re
 import numpy as np
 import pytest
 
+from lcmchain.effects.tool_motion import active
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
+from lcmchain.solver.remedies import slower_loads
+from lcmchain.state import State
 
 SCENE = """
 process = { frames = 13 }
@@ -53,6 +56,15 @@ rest = true
 
 def scene(*overrides, text=SCENE):
     return scene_from_text(text, overrides=overrides)
+
+
+PRESSURE = """
+[[pressure]]
+name = "air"
+face = "top"
+value = "1 kPa"
+stages = ["release"]
+"""
 
 
 def test_the_process_takes_the_times_of_its_stages_and_has_frames_at_their_borders():
@@ -161,3 +173,21 @@ def test_a_tool_is_at_work_in_its_stages_and_a_border_belongs_to_the_one_before(
     works = [model.tools_at_work(time)[1] for time in (0.0, 4e-3, 6e-3, 6.1e-3, 12e-3)]
     assert works == [True, True, True, False, False]
     assert model.tools_at_work(12e-3)[0]
+
+
+def test_what_is_told_of_an_entry_is_of_its_stages():
+    """A ramp by default is a part of a stage; a tool that is drawn back has been elsewhere."""
+    scene = scene_from_text(SCENE + PRESSURE)
+    told = dict(scene.source.defaulted)
+    assert told["pressure.air.ramp"] == "0.1 of the stage in which it comes to work"
+    (punch,) = (e for e in active(build_model(scene)) if e.name == "prescribed motion of punch")
+    assert punch.reason == "between -0.3 and 0.2 mm, -0.3 mm at the end of 12 ms"
+
+
+def test_a_remedy_names_the_ramp_of_a_pressure_where_it_is_at_work():
+    whole = build_model(scene_from_text(SCENE + PRESSURE))
+    model = whole.in_stage(0, State.at_rest(whole))
+    assert "pressure.ramp" not in slower_loads(model, 0.4)
+    assert slower_loads(model, 0.4).startswith("stages.press.time")
+    released = whole.in_stage(2, State.at_rest(whole))
+    assert "pressure.ramp" in slower_loads(released, 0.4)

@@ -129,3 +129,11 @@ def test_lips_of_a_slit_touch_from_the_start_and_are_told_when_they_overlap_furt
     over[len(points) :, 1] += 0.007  # by more than a cell of 5 mm
     assert crossing_warnings(result([flat, opened], cells), T) == []
     assert len(crossing_warnings(result([flat, over], cells), T)) == 1
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_rounding_in_a_plane_flange_is_no_crossing(triangles):
+    """A net lies in the plane to 1e-18 m: the signs of its heights mean nothing."""
+    points, faces = strip(triangles=triangles)
+    points[:, 2] = 1e-18 * np.random.default_rng(1).standard_normal(len(points))
+    assert not crossing_faces(points, faces, T).any()

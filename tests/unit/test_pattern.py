@@ -181,3 +181,26 @@ def test_the_commands_write_tables(tmp_path, capsys):
     wrong = ["pattern", "section", str(source), "--normal", "up", "--out", str(table)]
     assert exit_code(wrong) == 2
     assert "--normal" in capsys.readouterr().err
+
+
+def test_the_commands_take_a_ply_of_a_stack(tmp_path, capsys):
+    mesh = mesh_of()
+    formed = bent(mesh.node_positions)
+    lower = result_of(mesh, formed, thickness=np.full(mesh.element_count, 1e-3))
+    root = lower.copy()
+    root["body"] = ("face", np.zeros(mesh.element_count, dtype=np.int32))
+    root["body"].attrs["flag_meanings"] = "lower"
+    ply = lower.rename({"sheet_face_nodes": "lower_face_nodes", "face": "lower_face"})
+    ply = ply.rename({"node": "lower_node"}).assign(lower=0)
+    for k, axis in enumerate("xyz"):
+        ply[f"lower_node_{axis}"] = ("lower_node", formed[:, k])
+    source, table = tmp_path / "forming.nc", tmp_path / "table.csv"
+    write_forming_netcdf(source, {"/": root, "/lower": ply})
+    out = ["--out", str(table)]
+    assert exit_code(["pattern", "section", str(source), "--ply", "lower", *out]) == 0
+    assert len(table.read_text().splitlines()) == 31
+    assert exit_code(["pattern", "draw-in", str(source), "--ply", "lower", *out]) == 0
+    assert len(table.read_text().splitlines()) == 101
+    for ply in ([], ["--ply", "upper"]):
+        assert exit_code(["pattern", "draw-in", str(source), *ply, *out]) == 2
+        assert "lower" in capsys.readouterr().err

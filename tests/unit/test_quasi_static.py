@@ -94,6 +94,34 @@ def test_check_says_how_long_the_process_should_take():
     assert "Process time of a quasi-static run" in titles
 
 
+STAGES = """
+process = {{ mass_damping = "200 1/s" }}
+blank = {{ size = ["200 mm", "120 mm"], edge_length = "10 mm" }}
+material = {{ preset = "MD600" }}
+[[tools]]
+name = "holder"
+shape = {{ type = "plate", side = "above" }}
+position = "0 0 2 mm"
+[[stages]]
+name = "down"
+time = "{time} ms"
+motions.holder = {{ type = "stroke", direction = [0, 0, -1], distance = "1 mm" }}
+[[stages]]
+name = "wait"
+time = "400 ms"
+"""
+
+
+def test_stages_are_too_fast_if_those_are_in_which_tools_are_led():
+    """A long wait slows nothing, and process.time is no entry of a scene with stages."""
+    report = check_scene(scene_from_text(STAGES.format(time=30)))
+    (warning,) = [text for text in report.warnings if "3 periods" in text]
+    assert "tools are led take 30 ms together, which is shorter" in warning
+    assert "use times of the [[stages]] that are 2.3 times as long or more" in warning
+    assert not any("process.time" in text for text in report.warnings)
+    assert process_time_remarks(scene_from_text(STAGES.format(time=67)), report.needed) == []
+
+
 @pytest.mark.parametrize(
     ("time", "text"),
     [(0.1, '"100 ms"'), (0.1001, '"110 ms"'), (0.0671, '"68 ms"'), (3.1, '"3100 ms"')],
