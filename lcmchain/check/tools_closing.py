@@ -20,8 +20,13 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
-from lcmchain.tools.closest_gap import ClosestGap, closest_gaps, places_of_sheet, times_of_motion
-from lcmchain.tools.distance import gaps
+from lcmchain.tools.closest_gap import (
+    ClosestGap,
+    closest_gaps,
+    places_of_sheet,
+    side_of_sheet,
+    times_of_motion,
+)
 from lcmchain.tools.motion import GUIDED, prescribed_travel
 
 #: Gap in parts of the thickness below which no sheet fits between two tools.
@@ -59,7 +64,7 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     """
     tools = model.tools
     led = [k for k in range(len(scene.tools)) if tools.motion_kind[k] != GUIDED]
-    sides = {k: _side(model, k, blanks) for k in led}
+    sides = {k: side_of_sheet(tools, k, blanks) for k in led}
     places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []
     for one, other in combinations(led, 2):
@@ -128,18 +133,6 @@ def _solid_height(scene: Scene, near: ClosestGap) -> float:
         for ply in scene.stack.preform
         if ply.material.fibre_density is not None and shapely.Polygon(ply.outline).covers(place)
     )
-
-
-def _side(model: Model, tool: int, blanks: Sequence[BlankMesh]) -> int:
-    """Return 1 for a tool above the blank, -1 for one below, 0 where it is beside it."""
-    nodes = np.concatenate([blank.mid_surface_positions for blank in blanks])
-    thickness = sum(blank.thickness for blank in blanks)
-    nearest = nodes[[np.argmin(gaps(model.tools, tool, nodes, 0.0))]]
-    step = np.array([0.0, 0.0, 0.5 * thickness])
-    below = gaps(model.tools, tool, nearest - step, 0.0)[0]
-    above = gaps(model.tools, tool, nearest + step, 0.0)[0]
-    rise = (below - above) / thickness
-    return 0 if abs(rise) < 0.5 else int(np.sign(rise))
 
 
 def _sentence(

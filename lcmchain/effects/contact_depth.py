@@ -24,7 +24,7 @@ Fields: ``tool_pressure``, ``tool_force``, ``energy_contact``, ``energy_external
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -32,7 +32,7 @@ import numpy as np
 
 from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
 from lcmchain.jit import equation
-from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, times_of_motion
+from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, side_of_sheet, times_of_motion
 from lcmchain.tools.motion import GUIDED
 
 #: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
@@ -98,7 +98,8 @@ def gap_left(
 ) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
-    Infinite with a guided tool, fewer than two tools, or no time.
+    Infinite with a guided tool, fewer than two tools, or no time. Two tools on the same side of the
+    flat sheets have none of them between them: a holder may overlap the punch that moves in it.
 
     stages : of the process (:class:`lcmchain.scene.stages.StagePlan`): only tools that are at work
         in one of them together leave a gap, and a guided one says nothing of those without it.
@@ -109,14 +110,15 @@ def gap_left(
     if not stages:
         if guided.any():
             return math.inf
-        return closest_gap(tools, places_of_sheet(meshes), process_time)
+        return closest_gap(tools, meshes, process_time)
+    sides = {tool: side_of_sheet(tools, tool, meshes) for tool in range(tools.kind.size)}
     places, times = places_of_sheet(meshes), times_of_motion(tools, process_time, TIMES)
     least = math.inf
     for plan in stages:
         own = np.unique(np.clip(times, plan.start, plan.end))
         working = np.flatnonzero(np.array(plan.tools)).tolist()
         if not guided[working].any():
-            least = min(least, _least_gap(tools, working, places, own))
+            least = min(least, _least_gap(tools, working, sides, places, own))
     return least
 
 
@@ -150,21 +152,30 @@ def stiffening_of(material: Any) -> float:
     return 2.0 * math.log(firm / soft) / (2.0 * STRETCH_STEP * material.thickness)
 
 
-def closest_gap(tools: Any, places: np.ndarray, process_time: float) -> float:
-    """Return about the smallest gap [m] between any two tools during the process, near the sheet.
-
-    places : of the flat sheet (count, 3) [m].
-    """
+def closest_gap(tools: Any, meshes: Sequence[Any], process_time: float) -> float:
+    """Return about the smallest gap [m] between tools with flat sheets between them, near these."""
+    working = range(tools.kind.size)
+    sides = {tool: side_of_sheet(tools, tool, meshes) for tool in working}
     times = times_of_motion(tools, process_time, TIMES)
-    return _least_gap(tools, range(tools.kind.size), places, times)
+    return _least_gap(tools, working, sides, places_of_sheet(meshes), times)
 
 
-def _least_gap(tools: Any, chosen: Sequence[int], places: np.ndarray, times: np.ndarray) -> float:
-    """Return the smallest gap [m] between any two of some tools at some times [s]."""
+def _least_gap(
+    tools: Any,
+    chosen: Sequence[int],
+    sides: Mapping[int, int],
+    places: np.ndarray,
+    times: np.ndarray,
+) -> float:
+    """Return the smallest gap [m] between any two of some tools at some times [s].
+
+    sides : of the sheets on which each lies (:func:`lcmchain.tools.closest_gap.side_of_sheet`).
+    """
     return min(
         (
             closest.gap
             for pair in combinations(chosen, 2)
+            if sides[pair[0]] * sides[pair[1]] <= 0
             for closest in closest_gaps(tools, pair, places, times)
         ),
         default=math.inf,

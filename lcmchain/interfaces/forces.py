@@ -64,7 +64,8 @@ STEPS_ALLOWED = 4  # until the next refresh
 FASTEST = 5  # at which a point goes towards or away from a ply [m/s]
 DEEPEST = 6  # gap over the largest one allowed, of the deepest point
 DEEPEST_POINT = 7
-SUM_COLUMNS = 8
+APPROACH = 8  # the speed that counts for the steps until the next search [m/s]
+SUM_COLUMNS = 9
 
 # Entries of ``State.ply_counters``.
 STEPS_LEFT = 0  # until the next refresh
@@ -77,7 +78,9 @@ PLY_COUNTERS = 6
 
 # Entries of ``State.ply_clock``.
 WAY_SINCE_SEARCH = 0  # of the fastest point since the last search [m]
-PLY_CLOCK = 1
+APPROACHED = 1  # the same of those points alone that face nothing [m]
+LAST_APPROACH = 2  # way of the fastest of these in a step, at the last refresh [m]
+PLY_CLOCK = 3
 
 
 @equation

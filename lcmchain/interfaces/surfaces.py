@@ -80,8 +80,8 @@ class InterfaceData(NamedTuple):
     depth : (ply_count, ply_count) half the thickness of the thinner of two plies [m].
     near, far : (ply_count, ply_count) gap below which a law acts, and up to which points are found.
     area : (node_count,) of the points [m²].
-    reach : largest of ``far`` [m]. thinnest : half the thickness of the thinnest ply [m].
-    widest : longest edge of all facets [m].
+    reach, nearest : largest of ``far``, and smallest of plies that touch [m].
+    thinnest : half the thickness of the thinnest ply [m]. widest : longest edge of all facets [m].
     inner : (node_count, n) int32, nodes inside of a node at a rim, -1 where there are fewer.
     omega2 : of plies of equal meshes in full contact on the stiffest law [1/s²].
     damping_time : damping over stiffness of the springs along their normals [s].
@@ -118,6 +118,7 @@ class InterfaceData(NamedTuple):
     far: np.ndarray
     area: np.ndarray
     reach: float
+    nearest: float
     thinnest: float
     widest: float
     inner: np.ndarray
@@ -244,6 +245,7 @@ def interfaces_of_stages(
         far=far,
         area=aligned(np.concatenate([body.node_area for body in bodies])),
         reach=float(far.max()),
+        nearest=_nearest(interface, far),
         thinnest=0.5 * float(thickness.min()),
         widest=float(edges.max()),
         inner=_inner_nodes(facet_node, neighbour, node_count),
@@ -263,6 +265,7 @@ def interfaces_of_stages(
         near, far = _reaches_of_pairs(pairs, reaches, depth)
         own = data._replace(
             interface=pairs, near=near, far=far, reach=float(far.max()),
+            nearest=_nearest(pairs, far),
             depth_time=_depth_times(damping_time * penalties, pairs, bodies),
         )  # fmt: skip
         found.append(PlyContact(own, laws))
@@ -280,6 +283,11 @@ def _reaches_of_pairs(
     near = np.where(interface == NONE, 0.0, np.append(reaches, 0.0)[interface])
     # points are found before they touch, and before a law acts on them
     return near, np.maximum(2.0 * depth, REACH_MARGIN * near)
+
+
+def _nearest(interface: np.ndarray, far: np.ndarray) -> float:
+    """Return the smallest gap at which points of plies that touch are found [m]."""
+    return float(np.min(far, where=interface != NONE, initial=far.max()))
 
 
 def _gathered(tables: Sequence[Sequence[Any]]) -> tuple[Any, ...]:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.jit import entry, equation
-from lcmchain.tools.distance import signed_distance
+from lcmchain.tools.distance import gaps, signed_distance
 from lcmchain.tools.motion.travel import prescribed_travel
 from lcmchain.tools.table import ToolTable
 
@@ -64,6 +64,18 @@ def places_of_sheet(meshes: Sequence[Any]) -> np.ndarray:
         places.append(np.einsum("wk,fki->fwi", weights, nodes[faces]).reshape(-1, 3))
     every = np.unique(np.concatenate(places), axis=0)
     return every[:: len(every) // PLACES or 1]
+
+
+def side_of_sheet(tools: ToolTable, tool: int, meshes: Sequence[Any]) -> int:
+    """Return 1 for a tool above flat sheets at the start, -1 for one below, 0 for one beside."""
+    nodes = np.concatenate([mesh.mid_surface(mesh.node_positions) for mesh in meshes])
+    thickness = sum(mesh.thickness for mesh in meshes)
+    nearest = nodes[[np.argmin(gaps(tools, tool, nodes, 0.0))]]
+    step = np.array([0.0, 0.0, 0.5 * thickness])
+    below = gaps(tools, tool, nearest - step, 0.0)[0]
+    above = gaps(tools, tool, nearest + step, 0.0)[0]
+    rise = (below - above) / thickness
+    return 0 if abs(rise) < 0.5 else int(np.sign(rise))
 
 
 def times_of_motion(tools: ToolTable, process_time: float, count: int) -> np.ndarray:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.effects.contact_depth import closest_gap, nominal_pressure, pressure_in_gap
+from lcmchain.effects.contact_depth import (
+    closest_gap,
+    nominal_pressure,
+    pressure_in_gap,
+)
 from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.tools.closest_gap import places_of_sheet
+from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet
 
 THICKNESS = 1.004e-3
 GAP = 0.7e-3  # between the plates at the end of their stroke [m]
@@ -65,6 +69,25 @@ def test_the_energy_balance_holds_while_the_springs_follow(pressed):
     assert abs(energy["balance_error"]) < 1e-3 * energy["internal"]
     # the springs themselves hold next to nothing once the depth is gone
     assert abs(energy["contact"]) < 1e-2 * energy["internal"]
+
+
+def test_a_press_force_closes_plates_to_the_gap_of_the_law(pressed):
+    """Within 0.5 %, with depths driven to zero: the travel of the tool tells the thickness."""
+    law = pressed.model.body.material
+    force = float(law.compaction_pressure(GAP / THICKNESS)) * 400e-6
+    guided = f'{{ type = "guided", direction = [0, 0, -1], force = "{force} N", mass = "0.1 kg", '
+    guided += 'gravity = false, damping = "500 N*s/m", ramp = "10 ms" }'
+    press = Simulation.from_scene(plates(guided, contact='depth = "zero"'))
+    press.advance_to(20e-3)
+    state = press.state
+    assert THICKNESS - state.tool_travel[1] == pytest.approx(GAP, rel=5e-3)
+    assert np.ptp(state.position[2]) == pytest.approx(GAP, rel=5e-3)
+    assert state.tool_force[1, 2] == pytest.approx(force, rel=5e-3)
+    upper = press.model.body.mesh.elements[:, 4:]
+    borne = press.snapshot().contact_force[np.unique(upper)].sum()
+    assert borne == pytest.approx(state.tool_force[1, 2], rel=1e-9)
+    energy = press.energy()
+    assert abs(energy["balance_error"]) < 1e-3 * energy["external"]
 
 
 def test_plates_that_open_again_leave_no_offset_and_the_balance_whole():
@@ -144,7 +167,7 @@ def test_the_gap_between_curved_tools_is_found_from_the_flat_sheet():
         """
     )
     model = build_model(scene)
-    found = closest_gap(model.tools, places_of_sheet([model.body.mesh]), 20e-3)
+    found = closest_gap(model.tools, [model.body.mesh], 20e-3)
     assert found == pytest.approx(0.8e-3, rel=0.01)
     assert model.environment.depth_time is not None
 
@@ -192,3 +215,57 @@ def test_tools_close_on_a_stack_where_they_leave_less_than_all_plies():
     assert model.environment.depth_time is not None
     apart = text.replace("0.304 mm", "0.05 mm").replace("2.008 mm", "2.2 mm")
     assert build_model(scene_from_text(apart)).environment.depth_time is None
+
+
+#: Two plies, on a plate, under a punch; and a ring on the plies, which the punch overlaps by 1 mm.
+PUNCHED = """
+layup = "[0/90]2"
+process = { time = "20 ms" }
+interfaces = [{ friction = 0.2 }]
+blank = { size = ["40 mm", "40 mm"], edge_length = "5 mm", height = "1.004 mm" }
+material = { preset = "MD600" }
+
+[[tools]]
+name = "lower"
+shape = { type = "plate", side = "below" }
+
+[[tools]]
+name = "punch"
+shape = { type = "sphere_capped_punch", radius = "11 mm" }
+position = "0 0 2.2 mm"
+{motion}
+"""
+STROKE = '{ type = "stroke", direction = [0, 0, -1], distance = "0.05 mm" }'
+RING = """
+[[tools]]
+name = "ring"
+shape = { type = "plate_with_hole", side = "above", hole_radius = "10 mm", fillet_radius = "1 mm" }
+position = "0 0 2.2 mm"
+"""
+STAGES = """
+[[stages]]
+name = "all"
+time = "20 ms"
+motions.punch = {motion}
+"""
+
+
+@pytest.mark.parametrize("stages", ["", STAGES])
+def test_tools_that_overlap_on_one_side_of_the_sheet_leave_it_its_gap(stages):
+    """They say nothing of its thickness: springs and gap are those without the one of them."""
+    led = PUNCHED.replace("{motion}", f"motion = {STROKE}")
+    text = led + RING
+    if stages:
+        text = PUNCHED.replace('process = { time = "20 ms" }\n', "").replace("{motion}", "")
+        text += RING + stages.replace("{motion}", STROKE)
+    model, alone = (build_model(scene_from_text(own)) for own in (text, led))
+    (punch,) = np.flatnonzero(np.array(model.tool_names) == "punch")
+    (ring,) = np.flatnonzero(np.array(model.tool_names) == "ring")
+    meshes = [body.mesh for body in model.bodies]
+    pair = (int(punch), int(ring))
+    assert closest_gaps(model.tools, pair, places_of_sheet(meshes), np.zeros(1))[0].gap < 0.0
+    found = closest_gap(model.tools, meshes, 20e-3)
+    assert found == closest_gap(alone.tools, meshes, 20e-3) > 2e-3
+    assert model.environment.penalty == alone.environment.penalty
+    assert model.ply_contact.data.penalty[0] == alone.ply_contact.data.penalty[0]
+    assert model.environment.depth_time is None
