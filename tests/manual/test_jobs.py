@@ -36,8 +36,13 @@ SHOWN = {
     "form with a diaphragm": lambda sim: sim.state.position[2].min() < 8e-3,
     "close two moulds to a gap": lambda sim: sim.state.position[2].min() < 2e-3,
 }
-# A kind of loop that no other test compiles takes most of the time of these.
-SLOW = {"form with a diaphragm", "reinforce a place by a patch", "form a stack of plies"}
+# Kinds of loops that no other test compiles: that takes most of their time.
+SLOW = {
+    "hold the blank by springs in place of a blank holder",
+    "form a stack of plies",
+    "reinforce a place by a patch",
+    "form with a diaphragm",
+}
 
 
 def test_there_are_eight_jobs_and_each_scene_is_short():
