@@ -44,7 +44,7 @@ RESERVED_NAMES = (
     "areal_fibre_mass", "shear_angle", "shear_angle_23", "shear_angle_31", "fibre_strain_1",
     "fibre_strain_2", "fibre_strain_3", "strain_across", "compaction_pressure",
     "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
-    "tool_pressure", "wrinkle_height", "stack_thickness", "stack_areal_fibre_mass",
+    "tool_pressure", "wrinkle_height", "springback", "stack_thickness", "stack_areal_fibre_mass",
     "stack_fibre_volume_fraction", "stack_ply_count",
     *(
         f"{field}_{side}"

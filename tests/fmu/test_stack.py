@@ -40,7 +40,7 @@ friction = 0.2
 name = "punch"
 shape = { type = "sphere_capped_punch", radius = "15 mm" }
 position = "0 0 2.008 mm"
-motion = { type = "stroke", direction = [0, 0, -1], distance = "3 mm", profile = "linear" }
+motion = { type = "stroke", direction = [0, 0, -1], distance = "2.9 mm", profile = "linear" }
 [[tools]]
 name = "die"
 shape = { type = "plate_with_hole", hole_radius = "17 mm", fillet_radius = "5 mm", side = "below" }

@@ -99,15 +99,16 @@ def base_texts() -> dict[str, str]:
 def base_documents() -> dict[str, dict]:
     documents = {name: tomllib.loads(text) for name, text in base_texts().items()}
     for document in documents.values():
-        document["blank"]["edge_length"] = "20 mm" if _is_large(document) else "10 mm"
+        for sheet in document.get("plies", [document.get("blank")]):
+            sheet["edge_length"] = "20 mm" if _is_large(sheet) else "10 mm"
         for tool in document.get("tools", ()):
             if tool["shape"].get("type") == "surface_mesh":
                 tool["shape"]["spacing"] = "8 mm"
     return documents
 
 
-def _is_large(document: dict) -> bool:
-    return "size" in document["blank"] and float(document["blank"]["size"][0].split()[0]) > 150
+def _is_large(sheet: dict) -> bool:
+    return "size" in sheet and float(sheet["size"][0].split()[0]) > 150
 
 
 def prepare(folder: Path) -> None:
@@ -170,8 +171,7 @@ def _is_too_large(file: Path) -> bool:
         scene = read_scene(file)
     except BaseException:  # the case itself shows what it is
         return False
-    width, height = scene.blank.extent
-    count = width * height / scene.blank.edge_length**2
+    count = sum(np.prod(ply.blank.extent) / ply.blank.edge_length**2 for ply in scene.stack)
     # Beyond two million elements it must be refused at once.
     fine = MOST_ELEMENTS < count <= 2e6
     for tool in scene.tools:

@@ -305,7 +305,8 @@ def test_an_open_mould_that_passes_all_of_the_blank_leaves_no_plane_around_it(tm
 def test_check_says_nothing_where_there_is_nothing_to_drape():
     plates = DOME.replace('type = "sphere_capped_punch", radius = "20 mm"',
                           'type = "plate", side = "above"')  # fmt: skip
-    flat = on_rung(scene(text=plates), "solid-shell")
+    short = "tools.punch.motion.distance='0.2 mm'"
+    flat = on_rung(scene(short, text=plates), "solid-shell")
     tools = build_tool_table(flat.tools, None, flat.process.time)
     assert not is_drapable(flat, tools)
     assert check_scene(flat).preview == []

@@ -111,10 +111,11 @@ def test_every_face_and_node_variable_says_what_it_is(file):
             if name not in ("sheet", "sheet_face_nodes"):
                 assert attributes["units"], name
         for field in FIELDS.values():
-            # permeabilities need a law, the pressure of both sides the 2D approach, pores a fluid
+            # permeabilities need a law, the pressure of both sides the 2D approach, pores a fluid,
+            # springback a stage that ends at rest
             if field.name.startswith("permeability"):
                 continue
-            if field.name in ("tool_pressure", "pore_pressure"):
+            if field.name in ("tool_pressure", "pore_pressure", "springback"):
                 continue
             if field.name in OF_OTHER_FAMILIES:  # of a fabric with one or three of them
                 assert not set(field.variables) & set(sheet.variables)

@@ -45,7 +45,7 @@ fibre_angle = "45 deg"
 [material]
 preset = "MD600"
 """
-SHEAR, THICKNESS, FRACTION, WRINKLES = SHOWN
+SHEAR, THICKNESS, FRACTION, WRINKLES, SPRINGBACK = SHOWN
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +195,7 @@ def test_values_in_words():
         "thickness [mm]",
         "fibre volume fraction",
         "height of wrinkles [mm]",
+        "springback [mm]",
     ]
 
 

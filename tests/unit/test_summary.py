@@ -114,7 +114,7 @@ def summary_of(scene, datasets, energies=ENERGIES, **changes):
         "tool_travel": np.zeros(len(simulation.model.tool_names)),
         "contact_force": np.zeros(simulation.model.node_count),
     }
-    snapshots = [SimpleNamespace(energy=energy, **untouched) for energy in energies]
+    snapshots = [SimpleNamespace(time=0.0, energy=energy, **untouched) for energy in energies]
     head = run_head(scene, simulation, "abc")
     return head | run_summary(scene, simulation, snapshots, datasets, **given)
 

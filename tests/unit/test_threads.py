@@ -98,6 +98,8 @@ def test_a_library_that_pip_put_elsewhere_is_found(tmp_path, monkeypatch):
     record.mkdir()
     (record / "METADATA").write_text("Metadata-Version: 2.1\nName: sheets\nVersion: 1.0\n")
     (record / "RECORD").write_text("sheets/__init__.py,,\nlib/libsheets.so.1,,\n")
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "libsheets.so.1").touch()
     monkeypatch.syspath_prepend(tmp_path)
     found = threads._file_of_package("sheets", "libsheets.so.1")
     assert found == tmp_path / "lib" / "libsheets.so.1"

@@ -43,7 +43,7 @@ shape = {{ type = "plate", side = "below" }}
 name = "punch"
 shape = {{ {shape} }}
 position = "{x} {y} {z} mm"
-motion = {{ type = "stroke", direction = [0, 0, -1], distance = "1 mm" }}
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.2 mm" }}
 """
 STL = 'type = "surface_mesh", file = "tool.stl", length_unit = "mm", spacing = "1 mm"'
 SPHERE = 'type = "sphere_capped_punch", radius = "30 mm"'
