@@ -376,6 +376,14 @@ class Fabric:
     constant_tangent = False
     couples_thickness = False
     fibre_modulus_factor = 1.0
+    # of a law that has none of them, as that of fibre families
+    locking: ShearLocking | None = None
+    coupling: Coupling | None = None
+    viscous: ViscousShear | None = None
+    relaxation: CompactionRelaxation | None = None
+    temperature: TemperatureField | None = None
+    bending_losses: BendingLosses | None = None
+    shear_friction: ShearFriction | None = None
 
     def __init__(
         self,

@@ -618,10 +618,6 @@ class FibreFamilies(Fabric):
         law_class = SpacedFibreFamiliesLaw if spaced else FibreFamiliesLaw
         law = law_class(plane=values, **out_of_plane)
         self.law = linear_where_constant(law)
-        self.coupling = None
-        self.relaxation = self.temperature = None
-        self.locking = None
-        self.viscous = None
         self.shear_range = shear_range
         inertia = in_plane_bending * thickness**3 / 12.0
         self.fibre_bending = (

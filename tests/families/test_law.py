@@ -11,6 +11,7 @@ from of_families import across, fabric, fibres, like_md600, pair, triaxial, unid
 from lcmchain.materials.fibre_families import _shear_of, in_voigt
 from lcmchain.materials.law import (
     bending_stiffness,
+    history_count,
     hourglass_tangent,
     membrane_response,
     tangent_curvature,
@@ -130,6 +131,17 @@ def test_the_compiled_law_agrees_with_numpy(name):
             np.testing.assert_allclose(ours, own, rtol=1e-9, atol=1e-3)
     bending = material.bending_matrix()
     np.testing.assert_allclose(matrix(bending_stiffness(law)), bending, rtol=1e-12, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", FABRICS)
+def test_energies_are_asked_as_of_any_fabric(name):
+    """A run asks for what is stored and lost with the history of the elements, empty here."""
+    material, E = FABRICS[name].build(), strains(2, 4)
+    past = np.zeros((history_count(material.law), 5))
+    stored = material.membrane_energy(E, past)
+    np.testing.assert_array_equal(stored, material.membrane_energy(E))
+    assert not material.dissipated_energy(past).any()
+    assert not material.viscous_energy(past).any()
 
 
 @pytest.mark.parametrize("name", FABRICS)
