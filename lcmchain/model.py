@@ -41,7 +41,7 @@ from lcmchain.mesh.cells import by_node
 from lcmchain.scene import Contact, Element, Process
 from lcmchain.scene.found_time import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.plies import RESERVED_NAMES
-from lcmchain.scene.stages import StagePlan
+from lcmchain.scene.stages import StagePlan, number_at
 from lcmchain.stages import StageTables, stage_tables
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
@@ -194,8 +194,7 @@ class Model:
         """
         if not self.stages:
             return np.ones(len(self.tool_names), dtype=bool)
-        ends = np.array([stage.end for stage in self.stages])
-        number = min(int(np.searchsorted(ends, time * (1.0 - 1e-12))), len(ends) - 1)
+        number = number_at([stage.end for stage in self.stages], time)
         return self.stages[number].tools_at_work
 
     def in_stage(self, number: int, state: Any) -> Model:
@@ -357,7 +356,7 @@ def build_model(
     ------
     InputError : a blank, tool or material that cannot be used; names the scene key.
     """
-    stack = scene.stack
+    stack, plans = scene.stack, scene.stage_plans()
     sheets = [sheet_of(ply) for ply in stack]
     nodes = np.concatenate([sheet.mesh.node_positions for sheet in sheets])
     return assemble_bodies(
@@ -369,10 +368,12 @@ def build_model(
         contact=scene.contact,
         process=scene.process,
         interfaces=stack.interfaces(scene.interfaces),
-        stages=scene.stage_plans(),
+        stages=plans,
         interfaces_by_stage=[
-            stack.interfaces([entry for entry, works in zip(scene.interfaces, own) if works])
-            for own in (plan.interfaces for plan in scene.stage_plans())
+            stack.interfaces(
+                [entry for entry, works in zip(scene.interfaces, plan.interfaces) if works]
+            )
+            for plan in plans
         ],
         supports=_supports_of(sheets, supports),
         history_interval=scene.history_interval,

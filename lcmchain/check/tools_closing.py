@@ -131,7 +131,7 @@ def _solid_height(scene: Scene, near: ClosestGap) -> float:
     return sum(
         ply.material.areal_mass / ply.material.fibre_density
         for ply in scene.stack.preform
-        if ply.material.fibre_density is not None and shapely.Polygon(ply.outline).covers(place)
+        if ply.material.fibre_density is not None and ply.contours.polygon.covers(place)
     )
 
 

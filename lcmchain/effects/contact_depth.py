@@ -24,7 +24,7 @@ Fields: ``tool_pressure``, ``tool_force``, ``energy_contact``, ``energy_external
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 from typing import Any
 
@@ -106,20 +106,10 @@ def gap_left(
     """
     if tools.kind.size < 2 or not math.isfinite(process_time):
         return math.inf
-    guided = tools.motion_kind == GUIDED
-    if not stages:
-        if guided.any():
-            return math.inf
-        return closest_gap(tools, meshes, process_time)
-    sides = {tool: side_of_sheet(tools, tool, meshes) for tool in range(tools.kind.size)}
-    places, times = places_of_sheet(meshes), times_of_motion(tools, process_time, TIMES)
-    least = math.inf
-    for plan in stages:
-        own = np.unique(np.clip(times, plan.start, plan.end))
-        working = np.flatnonzero(np.array(plan.tools)).tolist()
-        if not guided[working].any():
-            least = min(least, _least_gap(tools, working, sides, places, own))
-    return least
+    together = [(np.flatnonzero(plan.tools).tolist(), plan.start, plan.end) for plan in stages]
+    together = together or [(list(range(tools.kind.size)), 0.0, process_time)]
+    known = [one for one in together if not (tools.motion_kind[one[0]] == GUIDED).any()]
+    return closest_gap(tools, meshes, process_time, known) if known else math.inf
 
 
 def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
@@ -152,31 +142,27 @@ def stiffening_of(material: Any) -> float:
     return 2.0 * math.log(firm / soft) / (2.0 * STRETCH_STEP * material.thickness)
 
 
-def closest_gap(tools: Any, meshes: Sequence[Any], process_time: float) -> float:
-    """Return about the smallest gap [m] between tools with flat sheets between them, near these."""
-    working = range(tools.kind.size)
-    sides = {tool: side_of_sheet(tools, tool, meshes) for tool in working}
-    times = times_of_motion(tools, process_time, TIMES)
-    return _least_gap(tools, working, sides, places_of_sheet(meshes), times)
-
-
-def _least_gap(
+def closest_gap(
     tools: Any,
-    chosen: Sequence[int],
-    sides: Mapping[int, int],
-    places: np.ndarray,
-    times: np.ndarray,
+    meshes: Sequence[Any],
+    process_time: float,
+    together: Sequence[tuple[Sequence[int], float, float]] = (),
 ) -> float:
-    """Return the smallest gap [m] between any two of some tools at some times [s].
+    """Return about the smallest gap [m] between tools with flat sheets between them, near these.
 
-    sides : of the sheets on which each lies (:func:`lcmchain.tools.closest_gap.side_of_sheet`).
+    together : numbers of tools that are at work together, from a time to another [s]; without any
+        all of them over the process.
     """
+    chosen = together or [(range(tools.kind.size), 0.0, process_time)]
+    sides = [side_of_sheet(tools, tool, meshes) for tool in range(tools.kind.size)]
+    places, times = places_of_sheet(meshes), times_of_motion(tools, process_time, TIMES)
     return min(
         (
             closest.gap
-            for pair in combinations(chosen, 2)
+            for working, start, end in chosen
+            for pair in combinations(working, 2)
             if sides[pair[0]] * sides[pair[1]] <= 0
-            for closest in closest_gaps(tools, pair, places, times)
+            for closest in closest_gaps(tools, pair, places, np.unique(np.clip(times, start, end)))
         ),
         default=math.inf,
     )

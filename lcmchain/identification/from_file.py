@@ -26,7 +26,7 @@ from lcmchain.identification import (
     sheared_compaction,
     viscous_shear,
 )
-from lcmchain.identification.data import read_coupon
+from lcmchain.identification.data import CouponData, read_coupon
 from lcmchain.identification.result import Identification
 from lcmchain.quantities.units import (
     ANGLE,
@@ -104,13 +104,10 @@ def identify_viscous_file(
     InputError : a wrong file or size.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    _require_fraction("--noise-floor", noise_floor)
-    values, inputs = _sizes(sizes, ("side", "thickness"))
-    data = read_coupon(path, viscous_shear.COLUMNS, minimum_rows=viscous_shear.MINIMUM_ROWS)
+    values, data, inputs = _test(path, sizes, ("side", "thickness"), viscous_shear, noise_floor)
     return viscous_shear.identify_viscous_shear(
-        data, PictureFrame(**values), noise_floor=noise_floor, inputs=_with_file(inputs, data),
-        accept=accept,
-    )  # fmt: skip
+        data, PictureFrame(**values), noise_floor=noise_floor, inputs=inputs, accept=accept
+    )
 
 
 def identify_off_axis_file(
@@ -129,13 +126,11 @@ def identify_off_axis_file(
     InputError : a wrong file or size.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    _require_fraction("--noise-floor", noise_floor)
-    values, inputs = _sizes(sizes, ("strip_length", "strip_width", "thickness"))
-    data = read_coupon(path, off_axis.COLUMNS, minimum_rows=off_axis.MINIMUM_ROWS)
+    names = ("strip_length", "strip_width", "thickness")
+    values, data, inputs = _test(path, sizes, names, off_axis, noise_floor)
     return off_axis.identify_off_axis(
         data, length=values["strip_length"], width=values["strip_width"],
-        thickness=values["thickness"], noise_floor=noise_floor, inputs=_with_file(inputs, data),
-        accept=accept,
+        thickness=values["thickness"], noise_floor=noise_floor, inputs=inputs, accept=accept,
     )  # fmt: skip
 
 
@@ -233,13 +228,11 @@ def identify_bending_loop_file(
     InputError : a wrong file, size or choice.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    _require_fraction("--noise-floor", noise_floor)
     _require_choice("--fibre", str(fibre), ("1", "2"))
-    values, inputs = _sizes(sizes, ("thickness",))
-    data = read_coupon(path, bending_loop.COLUMNS, minimum_rows=bending_loop.MINIMUM_ROWS)
+    values, data, inputs = _test(path, sizes, ("thickness",), bending_loop, noise_floor)
     return bending_loop.identify_bending_loop(
-        data, thickness=values["thickness"], fibre=fibre, noise_floor=noise_floor,
-        inputs=_with_file(inputs, data), accept=accept,
+        data, thickness=values["thickness"], fibre=fibre, noise_floor=noise_floor, inputs=inputs,
+        accept=accept,
     )  # fmt: skip
 
 
@@ -259,19 +252,33 @@ def identify_shear_loop_file(
     InputError : a wrong file or size.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    _require_fraction("--noise-floor", noise_floor)
-    values, inputs = _sizes(sizes, ("side", "thickness"))
-    data = read_coupon(path, shear_loop.COLUMNS, minimum_rows=shear_loop.MINIMUM_ROWS)
+    values, data, inputs = _test(path, sizes, ("side", "thickness"), shear_loop, noise_floor)
     return shear_loop.identify_shear_loop(
-        data, PictureFrame(**values), noise_floor=noise_floor, inputs=_with_file(inputs, data),
-        accept=accept,
-    )  # fmt: skip
+        data, PictureFrame(**values), noise_floor=noise_floor, inputs=inputs, accept=accept
+    )
 
 
 _CONVENTION = {
     "engineering": "S12 = C12 * 2 E12",
     "tensor": "S12 = C12 * E12",
 }
+
+
+def _test(
+    path: Path,
+    sizes: Mapping[str, str | None],
+    names: tuple[str, ...],
+    kind: Any,
+    noise_floor: float,
+) -> tuple[dict[str, float], CouponData, tuple]:
+    """Return the sizes in SI units, the data, and the table of inputs of a kind of tests.
+
+    kind : module that identifies from them, with its ``COLUMNS`` and ``MINIMUM_ROWS``.
+    """
+    _require_fraction("--noise-floor", noise_floor)
+    values, inputs = _sizes(sizes, names)
+    data = read_coupon(path, kind.COLUMNS, minimum_rows=kind.MINIMUM_ROWS)
+    return values, data, _with_file(inputs, data)
 
 
 def _sizes(texts: Mapping[str, str | None], names):

@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 
 from lcmchain.elements.vectors import dot, plus
-from lcmchain.interfaces.law import carried, load_memory, memory_size, store_memory
-from lcmchain.interfaces.refresh import way_to_facet
+from lcmchain.interfaces.refresh import carry_over, way_to_facet
 from lcmchain.interfaces.rows import (
     AREA,
     HELD,
@@ -78,13 +77,7 @@ def change_point(data, laws, arrays, dt_last, point):
     r = way_to_facet(arrays.position, data.facet_node, facet, rows, at, point)
     touch = touch_of(rows, at, r, (0.0, 0.0, 0.0), dt_last)
     values = all_parameters(laws, interface)
-    first, second, third, fourth, fifth, sixth = laws
-    begin(first, values[0], rows, at + starts[0] * SPAN, touch)
-    begin(second, values[1], rows, at + starts[1] * SPAN, touch)
-    begin(third, values[2], rows, at + starts[2] * SPAN, touch)
-    begin(fourth, values[3], rows, at + starts[3] * SPAN, touch)
-    begin(fifth, values[4], rows, at + starts[4] * SPAN, touch)
-    begin(sixth, values[5], rows, at + starts[5] * SPAN, touch)
+    carry_over(laws, values, rows, at, touch, touch, True)
     return booked + energy_at_border(data, laws, arrays, rows, at, facet, dt_last, point)
 
 
@@ -105,12 +98,3 @@ def energy_at_border(data, laws, arrays, rows, at, facet, dt_last, point):
     per_share = stored * rows[at + AREA * SPAN] / touch.area if touch.area > 0.0 else 0.0
     force = plus(-per_share, vector_at(rows, RIM, at), force)
     return stored + lost + 0.5 * dot(moved, force)
-
-
-@ordered_span_routine
-def begin(law, values, rows, place, touch):
-    """Let a law begin at a point."""
-    for k in range(memory_size(law)):
-        rows[place + k * SPAN] = 0.0
-    memory = carried(law, values, load_memory(law, rows, place), touch, touch, 0.0)
-    store_memory(law, memory, rows, place)

@@ -1,7 +1,9 @@
-"""Names of the entries of a list of tables: each has its own."""
+"""Names of the entries of a list of tables: each has its own, and others name them."""
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
 from typing import Any
 
 from lcmchain.quantities.entry_types import wrong
@@ -17,3 +19,10 @@ def with_own_names(items: tuple[Any, ...]) -> tuple[Any, ...]:
                 "give each its own name"
             )
     return items
+
+
+def no_such(name: str, known: Sequence[str], what: str) -> str:
+    """Say that nothing has a name that an entry gives, and what may be meant instead."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(known) or 'none'}"
+    return f"but there is no {what} of this name; {hint}"

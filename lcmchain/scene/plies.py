@@ -7,7 +7,6 @@ A scene names its plies in one of three ways: ``[blank]`` and ``[material]`` for
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,6 +31,7 @@ from lcmchain.mesh.outline import outline_of
 from lcmchain.quantities.at_work import share_a_stage
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
 from lcmchain.scene.layup import angles_of
+from lcmchain.scene.names import no_such
 
 if TYPE_CHECKING:
     from lcmchain.scene.scene import Scene
@@ -576,7 +576,4 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
 
 def _not_there(name: str, known: Iterable[str], what: str) -> str:
     """Say that there is no ply or material of a name, and what is meant instead."""
-    names = list(known)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(names) or 'none'}"
-    return f'is "{name}", but there is no {what} of this name; {hint}'
+    return f'is "{name}", {no_such(name, list(known), what)}'

@@ -7,7 +7,6 @@ passes what is left of its time without steps.
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
@@ -34,6 +33,7 @@ from lcmchain.scene.found_time import (
     found_time,
     why_time_is_needed,
 )
+from lcmchain.scene.names import no_such
 from lcmchain.scene.process import FOUND_TIME
 from lcmchain.tools.motion import GUIDED, FixedMotion, Motion, StrokeMotion, TableMotion
 from lcmchain.tools.motion.travel import travel_along
@@ -135,7 +135,11 @@ def at_work(entry: Any, stage: Stage) -> bool:
 
 def stage_at(scene: Any, time: float) -> int:
     """Return the number of the stage that a time of the process belongs to; a border to the end."""
-    ends = list(accumulate(stage.time for stage in scene.stages))
+    return number_at(list(accumulate(stage.time for stage in scene.stages)), time)
+
+
+def number_at(ends: Sequence[float], time: float) -> int:
+    """Return the number of the stage of a time [s]; a border belongs to the one that ends there."""
     return min(int(np.searchsorted(ends, time * (1.0 - 1e-12))), len(ends) - 1)
 
 
@@ -221,7 +225,7 @@ def completed_stages(scene: Any) -> dict[str, Any]:
     tools = []
     for number, tool in enumerate(scene.tools):
         key = f'tools[{number}] "{tool.name}"'
-        if any(stage.time_is_found for stage in done):
+        if found:
             tool = tool.without_time(time, key=key)
         tool = tool.model_copy(update={"motion": _course(staged, number)})
         tools.append(tool.completed(scene.contact.friction, time, key=key))
@@ -341,9 +345,7 @@ def _require_names(scene: Any) -> None:
 
 
 def _no_such(name: str, known: Sequence[str], what: str) -> str:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(known) or 'none'}"
-    return f'names "{name}", but there is no {what} of this name; {hint}'
+    return f'names "{name}", {no_such(name, known, what)}'
 
 
 def _require_motions(scene: Any) -> None:
