@@ -25,6 +25,14 @@ NoiseFloor = Annotated[
     float, typer.Option(help="Smallest noise, relative to the largest measured value.")
 ]
 
+ExportColumns = Annotated[
+    str | None,
+    typer.Option(
+        "--columns",
+        metavar="NAMES",
+        help="What the columns of a machine's export are, as force=Standardkraft,...",
+    ),
+]
 Accept = Annotated[
     bool,
     typer.Option(
@@ -55,6 +63,7 @@ def identify_shear(
         str, typer.Option(help="Shear strain of the law: engineering or tensor.")
     ] = "engineering",
     noise_floor: NoiseFloor = 0.01,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Shear polynomial from bias-extension tests: displacement, force."""
@@ -63,8 +72,8 @@ def identify_shear(
     sizes = {"length": length, "width": width, "thickness": thickness}
     _report_identification(
         data, out, lambda: identify_shear_file(
-            data, sizes, method=method, convention=convention, noise_floor=noise_floor,
-            accept=accept,
+            data, sizes, columns=columns, method=method, convention=convention,
+            noise_floor=noise_floor, accept=accept,
         ),
     )  # fmt: skip
 
@@ -76,6 +85,7 @@ def identify_viscous(
     side: Annotated[str | None, _size("--side", "200 mm")] = None,
     thickness: FabricThickness = None,
     noise_floor: NoiseFloor = 0.01,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Shear and what resists its rate from picture frames: displacement, force, speed or time."""
@@ -84,7 +94,9 @@ def identify_viscous(
     sizes = {"side": side, "thickness": thickness}
     _report_identification(
         data, out,
-        lambda: identify_viscous_file(data, sizes, noise_floor=noise_floor, accept=accept),
+        lambda: identify_viscous_file(
+            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept
+        ),
     )  # fmt: skip
 
 
@@ -96,6 +108,7 @@ def identify_off_axis(
     width: Annotated[str | None, _size("--strip-width", "40 mm")] = None,
     thickness: FabricThickness = None,
     noise_floor: NoiseFloor = 0.01,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Unidirectional fabric from off-axis tension: angle, displacement, force."""
@@ -104,7 +117,9 @@ def identify_off_axis(
     sizes = {"strip_length": length, "strip_width": width, "thickness": thickness}
     _report_identification(
         data, out,
-        lambda: identify_off_axis_file(data, sizes, noise_floor=noise_floor, accept=accept),
+        lambda: identify_off_axis_file(
+            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept
+        ),
     )  # fmt: skip
 
 
@@ -119,6 +134,7 @@ def identify_compaction(
     table: Annotated[
         bool, typer.Option("--table", help="Find pressures at every shear angle, not one exponent.")
     ] = False,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Compaction law from plate-to-plate tests: thickness, pressure (and shear angle)."""
@@ -127,7 +143,7 @@ def identify_compaction(
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
     _report_identification(
         data, out, lambda: identify_compaction_file(
-            data, sizes, noise_floor=noise_floor, table=table, accept=accept
+            data, sizes, columns=columns, noise_floor=noise_floor, table=table, accept=accept
         ),
     )  # fmt: skip
 
@@ -145,6 +161,7 @@ def identify_bending(
     curve: Annotated[
         bool, typer.Option("--curve", help="Find moments over curvature from deflection curves.")
     ] = False,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Bending stiffness from cantilever tests: orientation, overhang (or length, angle; x, y)."""
@@ -154,7 +171,9 @@ def identify_bending(
     _report_identification(
         data,
         out,
-        lambda: identify_bending_file(data, sizes, off_axis=off_axis, curve=curve, accept=accept),
+        lambda: identify_bending_file(
+            data, sizes, columns=columns, off_axis=off_axis, curve=curve, accept=accept
+        ),
     )
 
 
@@ -167,6 +186,7 @@ def identify_bending_loop(
         int, typer.Option(min=1, max=2, help="Fibre direction that was bent: 1 or 2.")
     ] = 1,
     noise_floor: NoiseFloor = 0.5,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Bending with its friction from loops (Kawabata): curvature, moment per width."""
@@ -175,7 +195,7 @@ def identify_bending_loop(
     sizes = {"thickness": thickness}
     _report_identification(
         data, out, lambda: identify_bending_loop_file(
-            data, sizes, fibre=fibre, noise_floor=noise_floor, accept=accept
+            data, sizes, columns=columns, fibre=fibre, noise_floor=noise_floor, accept=accept
         ),
     )  # fmt: skip
 
@@ -187,6 +207,7 @@ def identify_shear_loop(
     side: Annotated[str | None, _size("--side", "200 mm")] = None,
     thickness: FabricThickness = None,
     noise_floor: NoiseFloor = 0.5,
+    columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
     """Shear with its friction from cycles of a picture frame: displacement or angle, force."""
@@ -195,7 +216,9 @@ def identify_shear_loop(
     sizes = {"side": side, "thickness": thickness}
     _report_identification(
         data, out,
-        lambda: identify_shear_loop_file(data, sizes, noise_floor=noise_floor, accept=accept),
+        lambda: identify_shear_loop_file(
+            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept
+        ),
     )  # fmt: skip
 
 

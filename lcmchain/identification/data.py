@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.csv_columns import Column, read_columns
+from lcmchain.identification.machine_export import OPTION, read_export
+from lcmchain.quantities.csv_columns import (
+    Column,
+    Table,
+    has_layout,
+    means_layout,
+    read_columns,
+    read_table,
+)
 
 __all__ = ["Column", "CouponData", "read_coupon"]
 
@@ -54,17 +62,22 @@ class CouponData:
 
 
 def read_coupon(
-    path: Path | str, layouts: tuple[tuple[Column, ...], ...], *, minimum_rows: int = 1
+    path: Path | str,
+    layouts: tuple[tuple[Column, ...], ...],
+    *,
+    minimum_rows: int = 1,
+    columns: str | None = None,
 ) -> CouponData:
     """Read a coupon CSV file, with units in the header as in ``displacement [mm],force [N]``.
 
     Comma, semicolon and tab separate columns; lines before the header may begin with ``#``. A
     column ``specimen`` (a name or number, no unit) tells repeated tests in one file apart; a
-    column ``time`` must rise within each specimen.
+    column ``time`` must rise within each specimen. Another file may be the export of a testing
+    machine (:mod:`lcmchain.identification.machine_export`), whose columns must be confirmed.
 
     Parameters
     ----------
-    path : the file.
+    path : the file. columns : what the columns of an export are, as ``"force=Standardkraft"``.
     layouts : sets of columns, of which the file must hold one; the first that fits is taken.
     minimum_rows : fewest rows that can be evaluated.
 
@@ -75,14 +88,34 @@ def read_coupon(
     """
     path = Path(path)
     read, layout = read_columns(
-        path, layouts, minimum_rows=minimum_rows, texts=(_SPECIMEN,), plain=(_TIME,)
-    )
+        path, layouts, minimum_rows=minimum_rows, texts=(_SPECIMEN,), plain=(_TIME,),
+        table=_table(path, layouts, columns),
+    )  # fmt: skip
     specimen = np.zeros(len(read.lines), dtype=int)
     if _SPECIMEN in read.texts:
         specimen = np.unique(read.texts[_SPECIMEN], return_inverse=True)[1]
     data = CouponData(str(path), read.columns, read.lines, specimen, read.unused)
     _check_order(data, layout)
     return data
+
+
+def _table(path: Path, layouts, columns: str | None) -> Table:
+    """Return the cells of a file of the program's own kind, or of a machine's export."""
+    try:
+        table = read_table(path)
+    except InputError:
+        export = read_export(path, layouts, columns, also=(_TIME,)) if path.is_file() else None
+        if export is None:
+            raise
+        return export
+    if has_layout(table, layouts):
+        if columns is not None:
+            raise InputError(
+                f"has the columns by their names already; leave out {OPTION}", file=path
+            )
+        return table
+    meant = means_layout(table, layouts)
+    return read_export(path, layouts, columns, also=(_TIME,), only_clear=meant) or table
 
 
 def _check_order(data: CouponData, layout) -> None:

@@ -58,6 +58,7 @@ def identify_shear_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     method: str = "force",
     convention: str = "engineering",
     noise_floor: float = 0.01,
@@ -81,7 +82,7 @@ def identify_shear_file(
     except InputError as error:
         raise InputError(error.message, key="--length and --width") from None
     inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
-    data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS)
+    data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS, columns=columns)
     return shear.identify_shear(
         data, specimen, method=method, convention=convention, noise_floor=noise_floor,
         inputs=_with_file(inputs, data), accept=accept,
@@ -92,6 +93,7 @@ def identify_viscous_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
 ) -> Identification:
@@ -104,7 +106,9 @@ def identify_viscous_file(
     InputError : a wrong file or size.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    values, data, inputs = _test(path, sizes, ("side", "thickness"), viscous_shear, noise_floor)
+    values, data, inputs = _test(
+        path, sizes, ("side", "thickness"), viscous_shear, noise_floor, columns
+    )
     return viscous_shear.identify_viscous_shear(
         data, PictureFrame(**values), noise_floor=noise_floor, inputs=inputs, accept=accept
     )
@@ -114,6 +118,7 @@ def identify_off_axis_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
 ) -> Identification:
@@ -127,7 +132,7 @@ def identify_off_axis_file(
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     names = ("strip_length", "strip_width", "thickness")
-    values, data, inputs = _test(path, sizes, names, off_axis, noise_floor)
+    values, data, inputs = _test(path, sizes, names, off_axis, noise_floor, columns)
     return off_axis.identify_off_axis(
         data, length=values["strip_length"], width=values["strip_width"],
         thickness=values["thickness"], noise_floor=noise_floor, inputs=inputs, accept=accept,
@@ -138,6 +143,7 @@ def identify_compaction_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     noise_floor: float = 0.001,
     table: bool = False,
     accept: bool = False,
@@ -158,7 +164,7 @@ def identify_compaction_file(
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
     layouts = (*sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS)
-    data = read_coupon(path, layouts, minimum_rows=compaction.MINIMUM_ROWS)
+    data = read_coupon(path, layouts, minimum_rows=compaction.MINIMUM_ROWS, columns=columns)
     identify = compaction.identify_compaction
     if sheared_compaction.SHEAR_ANGLE in data:
         identify = sheared_compaction.identify_sheared_compaction
@@ -181,6 +187,7 @@ def identify_bending_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     off_axis: str = "free-strip",
     curve: bool = False,
     accept: bool = False,
@@ -202,7 +209,7 @@ def identify_bending_file(
     except ValueError as error:
         raise InputError(str(error), key="--angle") from None
     inputs.append(("off-axis strip", bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}"))
-    data = read_coupon(path, cantilever_tests.COLUMNS)
+    data = read_coupon(path, cantilever_tests.COLUMNS, columns=columns)
     identify = bending_curve.identify_bending_curve if curve else bending.identify_bending
     return identify(
         data, thickness=values["thickness"],
@@ -215,6 +222,7 @@ def identify_bending_loop_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     fibre: int = 1,
     noise_floor: float = 0.5,
     accept: bool = False,
@@ -229,7 +237,7 @@ def identify_bending_loop_file(
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     _require_choice("--fibre", str(fibre), ("1", "2"))
-    values, data, inputs = _test(path, sizes, ("thickness",), bending_loop, noise_floor)
+    values, data, inputs = _test(path, sizes, ("thickness",), bending_loop, noise_floor, columns)
     return bending_loop.identify_bending_loop(
         data, thickness=values["thickness"], fibre=fibre, noise_floor=noise_floor, inputs=inputs,
         accept=accept,
@@ -240,6 +248,7 @@ def identify_shear_loop_file(
     path: Path,
     sizes: Mapping[str, str | None],
     *,
+    columns: str | None = None,
     noise_floor: float = 0.5,
     accept: bool = False,
 ) -> Identification:
@@ -252,7 +261,9 @@ def identify_shear_loop_file(
     InputError : a wrong file or size.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    values, data, inputs = _test(path, sizes, ("side", "thickness"), shear_loop, noise_floor)
+    values, data, inputs = _test(
+        path, sizes, ("side", "thickness"), shear_loop, noise_floor, columns
+    )
     return shear_loop.identify_shear_loop(
         data, PictureFrame(**values), noise_floor=noise_floor, inputs=inputs, accept=accept
     )
@@ -270,6 +281,7 @@ def _test(
     names: tuple[str, ...],
     kind: Any,
     noise_floor: float,
+    columns: str | None,
 ) -> tuple[dict[str, float], CouponData, tuple]:
     """Return the sizes in SI units, the data, and the table of inputs of a kind of tests.
 
@@ -277,7 +289,7 @@ def _test(
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, names)
-    data = read_coupon(path, kind.COLUMNS, minimum_rows=kind.MINIMUM_ROWS)
+    data = read_coupon(path, kind.COLUMNS, minimum_rows=kind.MINIMUM_ROWS, columns=columns)
     return values, data, _with_file(inputs, data)
 
 

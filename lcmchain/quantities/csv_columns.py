@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import io
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,6 +44,23 @@ class Column:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Cells of a file as text.
+
+    Attributes
+    ----------
+    headers : of the columns. cells : [row_count, column_count] objects.
+    lines : line of each row in the file, [row_count].
+    unused : headers of further columns that were left out.
+    """
+
+    headers: tuple[str, ...]
+    cells: np.ndarray
+    lines: np.ndarray
+    unused: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Columns:
     """Columns of a file, and what else stands in it.
 
@@ -67,6 +85,7 @@ def read_columns(
     minimum_rows: int = 1,
     texts: Sequence[str] = (),
     plain: Sequence[str] = (),
+    table: Table | None = None,
 ) -> tuple[Columns, tuple[Column, ...]]:
     """Read a CSV file; return its columns, and the layout that it has.
 
@@ -74,6 +93,7 @@ def read_columns(
 
     Parameters
     ----------
+    path : the file. table : what stands in it, where it has been read already.
     layouts : sets of columns, of which the file must hold one; the first that fits is taken.
     minimum_rows : fewest rows of use.
     texts : columns that are kept as text, if there. plain : that are numbers of whatever unit.
@@ -83,29 +103,28 @@ def read_columns(
     InputError : no such file, a missing column, no or a wrong unit, a value that is no number, or
         too few rows; names file, line and column.
     """
-    table, first_line = _read_text(path)
+    table = table or read_table(path)
     headers: dict[str, tuple[int, str | None]] = {}
-    for position, text in enumerate(table.columns):
-        name, unit = _split_header(str(text))
+    for position, text in enumerate(table.headers):
+        name, unit = _split_header(text)
         if name in headers:
             raise InputError(f'has two columns "{name}"; keep one', file=path)
         headers[name] = (position, unit)
     layout = _fitting_layout(layouts, headers, path)
-    filled = np.array([any(cell.strip() for cell in row) for row in table.to_numpy()], dtype=bool)
-    lines = (first_line + 1 + np.arange(len(table)))[filled]
-    cells = table.to_numpy()[filled]
+    filled = np.array([any(cell.strip() for cell in row) for row in table.cells], dtype=bool)
+    lines, cells = table.lines[filled], table.cells[filled]
     if len(lines) < minimum_rows:
         raise InputError(
             f"holds {len(lines)} rows of data; at least {minimum_rows} are needed", file=path
         )
-    columns, kept, unused = {}, {}, []
+    columns, kept, unused = {}, {}, [*table.unused]
     wanted = {column.name: column for column in layout}
     for name, (position, unit) in headers.items():
         if name in texts and name not in wanted:
             kept[name] = [str(cell).strip() for cell in cells[:, position]]
             continue
         if name not in wanted and name not in plain:
-            unused.append(str(table.columns[position]))
+            unused.append(table.headers[position])
             continue
         factor, zero = 1.0, 0.0
         if name in wanted:
@@ -119,8 +138,13 @@ def read_columns(
     return Columns(columns, kept, lines, tuple(unused)), layout
 
 
-def _read_text(path: Path):
-    """Return the cells as text (pandas) and the line of the header."""
+def read_table(path: Path) -> Table:
+    """Return the cells of a CSV file.
+
+    Raises
+    ------
+    InputError : no such file, another encoding than UTF-8, no CSV, or far too much of it.
+    """
     import pandas
 
     try:
@@ -144,10 +168,18 @@ def _read_text(path: Path):
         raise InputError("is empty; the first line names columns and units", file=path)
     separator = max(",;\t", key=text[start].count)
     try:
-        table = pandas.read_csv(
-            io.StringIO(content), sep=separator, skiprows=start, dtype=str, keep_default_na=False,
-            skip_blank_lines=False, index_col=False,
-        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pandas.errors.ParserWarning)  # cells that would be lost
+            table = pandas.read_csv(
+                io.StringIO(content), sep=separator, skiprows=start, dtype=str,
+                keep_default_na=False, skip_blank_lines=False, index_col=False,
+            )  # fmt: skip
+    except pandas.errors.ParserWarning:
+        raise InputError(
+            f"has rows of more cells than its header in line {start + 1}; write decimal points, "
+            "and a name above every column",
+            file=path,
+        ) from None
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError) as error:
         raise InputError(f"cannot be read as CSV: {str(error).strip()}", file=path) from None
     if len(table.columns) > MOST_COLUMNS or len(table) > MOST_ROWS:
@@ -157,7 +189,23 @@ def _read_text(path: Path):
             file=path,
         )
     # Short rows come back with not-a-number in the missing cells.
-    return table.fillna(""), start + 1
+    cells = table.fillna("").to_numpy()
+    return Table(
+        tuple(str(text) for text in table.columns), cells, start + 2 + np.arange(len(table))
+    )
+
+
+def has_layout(table: Table, layouts: Sequence[Sequence[Column]]) -> bool:
+    """Tell whether a table has all columns of a layout, by the names in its header."""
+    names = {_split_header(text)[0] for text in table.headers}
+    return any(all(column.name in names for column in layout) for layout in layouts)
+
+
+def means_layout(table: Table, layouts: Sequence[Sequence[Column]]) -> bool:
+    """Tell whether a header has a column of a layout, or a name much like one."""
+    wanted = {column.name for layout in layouts for column in layout}
+    names = [_split_header(text)[0] for text in table.headers]
+    return any(difflib.get_close_matches(name, wanted, n=1, cutoff=0.8) for name in names)
 
 
 def _split_header(text: str) -> tuple[str, str | None]:
