@@ -157,7 +157,7 @@ def _text(content: bytes) -> str:
 def _workbook(path: Path) -> list[list[str]]:
     """Return the cells of the first sheet of a workbook that has a table."""
     try:
-        import openpyxl
+        import openpyxl  # type: ignore[import-untyped]
     except ImportError:
         raise InputError(
             'is a workbook, which needs openpyxl: pip install "lcmchain[excel]"; or save it as CSV',
