@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,7 @@ class SavedForming:
     resistance : over the last step (element_count,) [Pa s/m³].
     step : length of the last step [s], 0 before the first one.
     volume, area : of the elements where the last step began (element_count,) [m³, m²].
+    columns_at : of a stack, positions of the nodes for which its columns were found (3, N) [m].
     """
 
     state: State
@@ -60,6 +61,7 @@ class SavedForming:
     step: float
     volume: np.ndarray
     area: np.ndarray
+    columns_at: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
 
 
 class ExplicitForming:

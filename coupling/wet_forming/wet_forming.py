@@ -78,8 +78,12 @@ class WetForming:
         case = _case_of(scene)
         self.scene, self.case, self.simulation = scene, case, simulation
         stacked = len(simulation.model.bodies) > 1
-        kind = StackForming if stacked else ExplicitForming
-        self.forming = kind(simulation, surroundings=case.vent_pressure)
+        around = case.vent_pressure
+        self.forming: ExplicitForming = (
+            StackForming(
+                simulation, surroundings=around, unlike=not scene.stack.has_one_outline
+            ) if stacked else ExplicitForming(simulation, surroundings=around)
+        )  # fmt: skip
         law = case.permeability or scene.permeability
         assert law is not None  # a scene without is refused
         self._law = law

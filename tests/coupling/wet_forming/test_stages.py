@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -257,6 +258,33 @@ def say_stages(folder):
     assert stages["close"]["force_max"] > 50.0 > stages["release"]["force_max"] == 0.0
     report = (folder / "report.html").read_text(encoding="utf-8")
     assert "of the resin, 100.0% filled at its end" in report
+
+
+@pytest.mark.slow
+def test_a_stack_goes_through_its_stages_and_resumes_in_each_of_them(tmp_path):
+    """Two plies: the columns are found anew behind the border of a stage, and at rest."""
+    text = STRIP.replace("process =", 'layup = "[0/90]2"\nprocess =', 1)
+    text = text.replace('"0 0 0.502 mm"', '"0 0 1.506 mm"')
+    text = re.sub(r'"(-?)1 mm"', r'"\g<1>9 mm"', text) + STAGES.replace('"20 ms"', '"4 ms"')
+    times = np.array([1.0, 2.2, 4.0, 6.7]) * MS
+    whole = wet(text)
+    for number, time in enumerate(times):
+        whole.advance_to(time)
+        whole.write_checkpoint(tmp_path, number)
+    assert whole.filling.time > 5.4 * MS and whole.filling.state.fill.max() < 0.995
+    of_resin = whole.filling.state.thickness * whole.filling.mesh.areas
+    np.testing.assert_allclose(of_resin, whole.forming.volume(), rtol=1e-4)
+    assert abs(whole.filling.state.balance_error) < 1e-12 * whole.filling.state.started_volume
+    for number in range(3):
+        other = wet(text)
+        other.restore_checkpoint(tmp_path, number)
+        for time in times[number + 1 :]:
+            other.advance_to(time)
+        for name, values in whole.simulation.state.as_dict().items():
+            np.testing.assert_array_equal(other.simulation.state.as_dict()[name], values, name)
+        first, second = whole.filling.save(), other.filling.save()
+        for name in ("resin_volume", "pressure", "thickness", "vented"):
+            np.testing.assert_array_equal(getattr(first, name), getattr(second, name), name)
 
 
 # --- tables ---------------------------------------------------------------------------------------
