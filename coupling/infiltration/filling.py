@@ -14,6 +14,7 @@ from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.open_faces import OpenFaces
 from lcmchain.coupling.infiltration.options import FillingOptions
 from lcmchain.coupling.infiltration.overflow import FULL
 from lcmchain.coupling.infiltration.preform import Preform
@@ -65,6 +66,8 @@ class Filling:
         self.supply = Supply(gates, vents, mesh.node_count, on_film)
         self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
         self.liquid = Liquid(resin, temperature)
+        #: Where air comes in through the faces, no part of the saved states; None for nowhere.
+        self.open_faces: OpenFaces | None = None
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
             raise InputError("has to be three finite numbers [m/s2]", key="gravity")

@@ -13,6 +13,7 @@ from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.infiltration.open_faces import OpenFaces
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
@@ -116,6 +117,7 @@ class WetForming:
         self._fingerprint = run_fingerprint(scene)._asdict()
         self.record = FillingRecord.empty()
         self._permeability.begin(self.filling)
+        self._open_faces()
 
     def _part(self, snapshots: list[Snapshot], points: np.ndarray) -> FormedPart:
         """Return what is formed in the last of saved states, which is the present."""
@@ -140,9 +142,8 @@ class WetForming:
         """
 
         def after_window(_: CoupledSystem) -> None:
-            if self._faces_are_open:
-                self._let_air_in()
             self._permeability.renew(self.filling)
+            self._open_faces()
             self._note()
             if on_window is not None:
                 on_window(self.simulation)
@@ -165,15 +166,14 @@ class WetForming:
         if self._is_behind:
             self._join()
 
-    def _let_air_in(self) -> None:
-        """Let air in through faces that no tool touches, where resin would be drawn apart."""
-        filling, outside = self.filling, float(self.case.vent_pressure)
-        cells = filling.mesh.cells[~self.forming.covered()]
-        beside = np.zeros(filling.mesh.node_count, dtype=bool)
+    def _open_faces(self) -> None:
+        """Tell the filling where no tool keeps air out of the sheet at present."""
+        if not self._faces_are_open:
+            return
+        cells = self.filling.mesh.cells[~self.forming.covered()]
+        beside = np.zeros(self.filling.mesh.node_count, dtype=bool)
         beside[cells[cells >= 0]] = True
-        drawn = filling.state.full & beside & (filling.pressure < outside - NO_PRESSURE)
-        if drawn.any():
-            filling.let_air_in(drawn, outside)
+        self.filling.open_faces = OpenFaces(beside, float(self.case.vent_pressure))
 
     @property
     def _is_behind(self) -> bool:
@@ -221,6 +221,7 @@ class WetForming:
             ) from error
         self._permeability.begin(self.filling)
         self.forming.start_anew()
+        self._open_faces()
         self._system.go_on_from(now)
         if now == stage.end:
             self._note()
@@ -269,6 +270,7 @@ class WetForming:
         saved, self.record = read_checkpoint(path, self._fingerprint)
         self._system.restore(saved)
         self._permeability.begin(self.filling)
+        self._open_faces()
 
     def filled(self, snapshots: list[Snapshot]) -> FilledPart:
         """Return how the sheet has filled, on its shape in the last of the saved states."""
