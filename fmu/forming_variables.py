@@ -289,7 +289,7 @@ def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
     """Return the variables of all fields, each behind the name that asks for it."""
     count, of_fluid = abilities.field_size, []
     if abilities.takes_pore_pressure:
-        of_fluid = [(name, _of_fluid(abilities, name, *rest)) for name, *rest in FLUID_OUTPUTS]
+        of_fluid = [(entry[0], _of_fluid(abilities, *entry)) for entry in FLUID_OUTPUTS]
     if not abilities.plies:
         return [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS] + of_fluid
     found = [

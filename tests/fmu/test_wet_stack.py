@@ -184,7 +184,5 @@ density = "1100 kg/m^3"
 """
     text = SCENE[: SCENE.index("[infiltration]")].replace("permeability = ", "#")
     text = text.replace('name = "short"', 'name = "short"\nmaterial = "foil"\nfilm = true') + foil
-    with pytest.raises(
-        InputError, match="film: lets a fluid act.*through which none flows"
-    ):
+    with pytest.raises(InputError, match="film: lets a fluid act.*through which none flows"):
         variables_of(scene_from_text(text), pore_pressure=True)
