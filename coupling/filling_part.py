@@ -27,12 +27,16 @@ from lcmchain.errors import InputError, SimulationError
 
 
 class SavedFilling(NamedTuple):
-    """State of a :class:`FillingPart`: of the filling, inputs that were set last, last answers."""
+    """State of a :class:`FillingPart`: of the filling, inputs that were set last, last answers.
+
+    clock : as of :attr:`FillingPart.clock`.
+    """
 
     state: FillingState
     inputs: dict[str, np.ndarray]
     mean_pressure: np.ndarray
     resisted: np.ndarray
+    clock: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
 class FillingPart:
@@ -70,21 +74,52 @@ class FillingPart:
     ) -> None:
         if not 0.0 < pace < np.inf:
             raise InputError(f"the pace of a filling must be positive, not {pace:g}")
-        self.filling, self.on_step, self.pace = filling, on_step, float(pace)
+        self.filling, self.on_step = filling, on_step
+        #: When the present pace began, by the solid's clock and by the filling's [s]; the pace.
+        self.clock = (0.0, 0.0, float(pace))
         #: Outcome and message of the last step (:class:`.state.FillingResult`).
         self.ended = ("reached", "")
         # a window ends where the solid is, whether anything flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
-        none = np.zeros(filling.mesh.cell_count)
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Forget what was given, and what the last step has brought."""
+        none = np.zeros(self.filling.mesh.cell_count)
         names = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
-        self._given = dict.fromkeys(names, none) | {POINTS: filling.state.points.ravel()}
-        self._mean = np.full(filling.mesh.cell_count, np.nan)
+        self._given = dict.fromkeys(names, none) | {POINTS: self.filling.state.points.ravel()}
+        self._mean = np.full(self.filling.mesh.cell_count, np.nan)
         self._resisted = none
 
     @property
     def time(self) -> float:
         """Present time of the solid's clock [s]."""
-        return self.filling.time / self.pace
+        begin, own_begin, pace = self.clock
+        return begin + (self.filling.time - own_begin) / pace
+
+    @property
+    def pace(self) -> float:
+        """How much the filling's clock runs faster than the solid's at present."""
+        return self.clock[2]
+
+    def go_on_at(self, pace: float, time: float) -> None:
+        """Go on at another pace from now on, when the solid's clock shows a time [s]."""
+        self.clock = (float(time), float(self.filling.time), float(pace))
+
+    def follow(self, volume: np.ndarray, points: np.ndarray) -> None:
+        """Take volumes (C,) [m³] and points (N, 3) [m] that the solid has come to meanwhile.
+
+        The filling's clock stands: resin stays in its control volume. Where the pores have become
+        larger, air has come in.
+
+        Raises
+        ------
+        SimulationError : pores have become smaller than their resin.
+        """
+        self.filling.carry_to(points)
+        self.filling.set_thickness(volume / self.filling.mesh.areas)
+        self.filling.settle()
+        self._start_anew()
 
     def volume(self) -> np.ndarray:
         """Return the volumes of the cells (C,) [m³]."""
@@ -121,13 +156,17 @@ class FillingPart:
     def save(self) -> SavedFilling:
         """Return a copy of the state."""
         given = {name: values.copy() for name, values in self._given.items()}
-        return SavedFilling(self.filling.save(), given, self._mean.copy(), self._resisted.copy())
+        return SavedFilling(
+            self.filling.save(), given, self._mean.copy(), self._resisted.copy(), self.clock
+        )
 
     def restore(self, saved: SavedFilling) -> None:
         """Go back to a saved state; going on from it is bit-identical."""
         self.filling.restore(saved.state)
         self._given = {name: values.copy() for name, values in saved.inputs.items()}
         self._mean, self._resisted = saved.mean_pressure.copy(), saved.resisted.copy()
+        begin, own_begin, pace = saved.clock
+        self.clock = (begin, own_begin, pace)
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
         """Take inputs.

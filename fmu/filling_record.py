@@ -21,7 +21,7 @@ Piece = dict[str, np.ndarray]
 #: Entries of a record that saved states have; the others belong to time steps.
 OF_FRAMES = (
     "frame_time", "fill", "pressure", "resin_volume", "velocity", "cure", "temperature", "film",
-    "thickness",
+    "thickness", "frame_stage",
 )  # fmt: skip
 OF_STEPS = tuple(f.name for f in fields(FillingRecord) if f.name not in OF_FRAMES)
 

@@ -16,6 +16,7 @@ from lcmchain.coupling.iteration.interface import (
     REFERENCE_PRESSURE,
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
+from lcmchain.coupling.solids.stack import StackForming, largest_ply
 from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
@@ -66,8 +67,8 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
 
     Raises
     ------
-    InputError : a pore pressure is asked for, but the elements have no thickness, or there are
-        several plies.
+    InputError : a pore pressure is asked for, but the elements have no thickness, or one of the
+        plies is a film.
     """
     stack = scene.stack
     flat = next((ply.element.type for ply in stack if ply.element.type != "solid-shell"), None)
@@ -77,13 +78,13 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
             'does not predict; use element = "solid-shell"',
             key="element",
         )
-    if pore_pressure and len(stack) > 1:
+    if pore_pressure and stack.films:
         raise InputError(
-            f"names {len(stack)} plies, but a unit exchanges the pore pressures of one sheet; "
-            "leave out --pore-pressure and infiltration.with_forming (lcmchain run couples a stack "
-            "with its resin itself)",
-            key="plies" if scene.plies else "layup",
+            f'lets a fluid act in all plies, but "{stack.films[0].name}" is a film, through which '
+            "none flows; leave out --pore-pressure, or the film",
+            key=f"{stack.films[0].key}.film",
         )
+    meshes = meshes_of(scene)
     plies = [
         PlyAbilities(
             name=ply.name,
@@ -93,7 +94,7 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
             has_fibre_volume_fraction=ply.element.type == "solid-shell"
             and ply.material.fibre_density is not None,
         )
-        for ply, mesh in zip(stack, meshes_of(scene), strict=True)
+        for ply, mesh in zip(stack, meshes, strict=True)
     ]
     return Abilities(
         tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
@@ -106,6 +107,9 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
         surroundings=surroundings_of(scene),
         patch_count=patch_count,
         plies=plies if len(plies) > 1 else (),
+        column_count=meshes[largest_ply(meshes)].element_count
+        if pore_pressure and len(plies) > 1
+        else 0,
     )
 
 
@@ -211,7 +215,13 @@ class FormingPart(Part):
         simulation.compile()
         self.wet = None
         if self._has_pores:
-            self.wet = ExplicitForming(simulation, surroundings=surroundings_of(scene))
+            around = surroundings_of(scene)
+            if len(model.bodies) > 1:
+                self.wet = StackForming(
+                    simulation, surroundings=around, unlike=not scene.stack.has_one_outline
+                )
+            else:
+                self.wet = ExplicitForming(simulation, surroundings=around)
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
         self.before = simulation.state.position.copy()
@@ -237,7 +247,9 @@ class FormingPart(Part):
         self._apply_inputs(size)
         self.before = simulation.state.position.copy()
         if self.wet is not None:
-            pressure = self._interface.spread(self.values.field(PORE_PRESSURE))
+            pressure = self.values.field(PORE_PRESSURE)
+            if self._interface.is_coarse:
+                pressure = self._interface.spread(pressure)
             at_rest = bool(self.values.number(AT_REST))
             self.wet.set_fields({PRESSURE_AT_REST if at_rest else PORE_PRESSURE: pressure})
             self.wet.advance(size)

@@ -164,6 +164,7 @@ class Abilities(NamedTuple):
         sheet [Pa], in the scale of the fluid's.
     patch_count : values of a field at an interface coarser than the elements, 0 for one of each.
     plies : those of a stack, bottom first; none for one sheet.
+    column_count : columns through a stack, which a fluid has its pressures in; 0 for one sheet.
     """
 
     tools: Sequence[tuple[str, int]]
@@ -176,11 +177,17 @@ class Abilities(NamedTuple):
     patch_count: int = 0
     surroundings: float = 0.0
     plies: Sequence[PlyAbilities] = ()
+    column_count: int = 0
 
     @property
     def field_size(self) -> int:
         """Number of values of a field."""
         return self.patch_count or self.element_count
+
+    @property
+    def fluid_size(self) -> int:
+        """Number of values of a field that a fluid exchanges."""
+        return self.column_count or self.field_size
 
 
 def forming_variables(
@@ -211,13 +218,13 @@ def forming_variables(
                 Kind.REAL,
                 "input",
                 "continuous",
-                "pressure of the fluid in the element's pores, of the surroundings at "
+                f"pressure of the fluid in the {_where(abilities)}, of the surroundings at "
                 f"{abilities.surroundings:g}",
                 "Pa",
                 "Pressure",
                 abilities.surroundings,
                 nominal=1e5,
-                size=abilities.field_size,
+                size=abilities.fluid_size,
             )  # fmt: skip
         )
         inputs.append(
@@ -280,18 +287,32 @@ def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]
 
 def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
     """Return the variables of all fields, each behind the name that asks for it."""
-    count = abilities.field_size
+    count, of_fluid = abilities.field_size, []
+    if abilities.takes_pore_pressure:
+        of_fluid = [(entry[0], _of_fluid(abilities, *entry)) for entry in FLUID_OUTPUTS]
     if not abilities.plies:
-        found = [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS]
-        if abilities.takes_pore_pressure:
-            found += [(entry[0], _output(*entry, size=count)) for entry in FLUID_OUTPUTS]
-        return found
+        return [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS] + of_fluid
     found = [
         (entry[0], _of_ply(ply, entry, size=ply.element_count))
         for ply in abilities.plies
         for entry in FIELD_OUTPUTS
     ]
-    return found + [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
+    found += [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
+    return found + of_fluid
+
+
+def _where(abilities: Abilities) -> str:
+    """Say what a fluid has one pressure in."""
+    return "column through all plies" if abilities.column_count else "element's pores"
+
+
+def _of_fluid(
+    abilities: Abilities, name: str, unit: str, declared: str | None, group: str, text: str
+) -> Variable:
+    if abilities.column_count:
+        text = text.replace("the element's mid-surface", "the column across")
+        text = text.replace("of the element", "of the column through all plies")
+    return _output(name, unit, declared, group, text, size=abilities.fluid_size)
 
 
 def _scalars_of_plies(abilities: Abilities) -> list[Variable]:

@@ -28,7 +28,7 @@ from lcmchain.errors import InputError
 from lcmchain.solver.simulation import StepControl
 from lcmchain.state import State
 
-FORMAT = 3
+FORMAT = 4
 #: Records that a saved state is made of.
 RECORDS = {
     record.__name__: record

@@ -7,19 +7,21 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.coupling.infiltration.air import find_air, new_dry_spots
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
 from lcmchain.coupling.infiltration.factors import Work
 from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
 from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.open_faces import OpenFaces
 from lcmchain.coupling.infiltration.options import FillingOptions
 from lcmchain.coupling.infiltration.overflow import FULL
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.state import FillingFrame, FillingResult, FillingState
 from lcmchain.coupling.infiltration.supply import Supply
 from lcmchain.coupling.infiltration.time_step import TimeStep
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationError
 
 __all__ = ["Filling", "FillingOptions"]
 
@@ -64,6 +66,8 @@ class Filling:
         self.supply = Supply(gates, vents, mesh.node_count, on_film)
         self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
         self.liquid = Liquid(resin, temperature)
+        #: Where air comes in through the faces, no part of the saved states; None for nowhere.
+        self.open_faces: OpenFaces | None = None
         self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
             raise InputError("has to be three finite numbers [m/s2]", key="gravity")
@@ -292,6 +296,50 @@ class Filling:
         state, pores = self.state, self.pores
         state.resin_volume = np.where(state.full, pores, state.fill * pores)
         state.started_volume = state.stored
+
+    def settle(self) -> None:
+        """Let the resin rest in the pores as they are now: it stays in its control volume.
+
+        Air comes in where the pores have become larger than their resin, and all has the pressure
+        of the air. What a volume has too much of within ``largest_excess`` flows in the next time
+        step.
+
+        Raises
+        ------
+        SimulationError : pores have become smaller than their resin.
+        """
+        state, pores = self.state, self.pores
+        excess = state.resin_volume / pores - 1.0
+        worst = int(np.argmax(excess))
+        if excess[worst] > max(self.options.largest_excess, 1.0 - FULL):
+            place = ", ".join(f"{1e3 * x:.4g}" for x in self.mesh.points[worst])
+            raise SimulationError(
+                f"at ({place}) mm there is {100.0 * excess[worst]:.3g} % more resin than pores, "
+                "and it cannot flow off"
+            )
+        state.full = excess >= FULL - 1.0
+        state.fill = np.minimum(state.resin_volume / pores, 1.0)
+        state.pressure = state.air_pressure.copy()
+        state.gate_pressure = np.full(len(self.supply.gates), np.nan)
+        state.gate_rate = state.gate_pressure.copy()
+        state.next_step = 0.0
+        edges = self.medium.network.edges
+        vents = self.supply.open_vents(state.time, state)
+        air = find_air(edges, state, pores, vents, self.options.trapped_air)
+        state.enclosed, spots = new_dry_spots(air, self.medium, state, pores)
+        state.dry_spots = (*state.dry_spots, *spots)
+        self._steps.forget()
+
+    def let_air_in(self, nodes: np.ndarray, pressure: float) -> None:
+        """Open control volumes (N,), whose resin may draw back from there, to air [Pa].
+
+        They keep their resin, and count as full again where it fills the pores after a time step.
+        """
+        state = self.state
+        state.full = state.full & ~nodes
+        state.pressure = np.where(nodes, pressure, state.pressure)
+        state.air_pressure = np.where(nodes, pressure, state.air_pressure)
+        self._steps.forget()
 
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
         """Go on with the same gates and vents, but other pressures, rates or schedules.

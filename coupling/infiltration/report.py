@@ -30,7 +30,8 @@ class FillingReport:
     with ``message`` in words; ``time`` is that of its end. ``balance_error`` is the largest
     difference of entered, vented and stored resin, relative to what entered. ``closing`` is of what
     presses on the part: the largest force [N] and its parts at that time, thicknesses at the end,
-    windows of the coupling and their iterations; None in a mould that does not move.
+    windows of the coupling and their iterations; None in a mould that does not move. ``stages``
+    is what happened in each stage of the process, where it has stages.
     """
 
     name: str
@@ -52,6 +53,7 @@ class FillingReport:
     gates: dict[str, dict[str, float]]
     vents: dict[str, dict[str, float]]
     dry_spots: list[dict[str, Any]]
+    stages: dict[str, dict[str, float]] = field(default_factory=dict)
     wall_s: float = 0.0
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
@@ -119,6 +121,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
                 zip(filled.dry_spots, filled.left_dry, strict=True)
             )[:MOST_SPOTS]
         ],
+        stages=_of_stages(filled),
         warnings=[*setup.warnings, *_warnings(filled, pores)],
     )
     return report
@@ -142,6 +145,33 @@ def _closing(filled: FilledPart) -> dict[str, float] | None:
         "iterations_per_window": float(filled.coupling.mean_iterations),
         "restarts": filled.coupling.restarts,
     }
+
+
+def _of_stages(filled: FilledPart) -> dict[str, dict[str, float]]:
+    """Numbers of each stage of the process, by its name.
+
+    Times are those of the resin; the pressure is the largest of the saved states.
+    """
+    if filled.stages is None:
+        return {}
+    names, of_frames, of_steps = filled.stages
+    history, found = filled.history, {}
+    for number, name in enumerate(names):
+        steps = np.flatnonzero(of_steps == number)
+        if not len(steps):
+            continue
+        before, last = max(int(steps[0]) - 1, 0), int(steps[-1])
+        frames = filled.pressure[of_frames == number]
+        found[name] = {
+            "start": float(history.time[before]),
+            "end": float(history.time[last]),
+            "filled_share": float(history.filled_share[last]),
+            "injected_volume": float((history.injected[last] - history.injected[before]).sum()),
+            "vented_volume": float((history.vented[last] - history.vented[before]).sum()),
+            "force_max": float(history.force[steps, 0].max()),
+            "pressure_max": float(frames.max()) if len(frames) else 0.0,
+        }
+    return found
 
 
 def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:

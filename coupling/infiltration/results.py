@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +30,8 @@ FORCES = {
 class FillingRecord:
     """What is kept while a filling runs: frames now and then, histories of every step.
 
-    Every entry is a list of arrays or numbers, one for each frame or step.
+    Every entry is a list of arrays or numbers, one for each frame or step. ``frame_stage`` and
+    ``stage`` are numbers of stages of the process, 0 in one without.
     """
 
     frame_time: list[float]
@@ -42,6 +44,7 @@ class FillingRecord:
     film: list[np.ndarray]
     thickness: list[np.ndarray]
     fibre_volume_fraction: list[np.ndarray]
+    frame_stage: list[int]
     time: list[float]
     filled_share: list[float]
     stored: list[float]
@@ -52,14 +55,15 @@ class FillingRecord:
     injected: list[np.ndarray]
     vented: list[np.ndarray]
     force: list[np.ndarray]
+    stage: list[int]
 
     @classmethod
     def empty(cls) -> FillingRecord:
         """Return a record with nothing in it."""
         return cls(*([] for _ in fields(cls)))
 
-    def add_frame(self, filling: Filling) -> None:
-        """Keep the fields of the present state."""
+    def add_frame(self, filling: Filling, stage: int = 0) -> None:
+        """Keep the fields of the present state; ``stage`` is the number of the present stage."""
         frame = filling.frame()
         self.frame_time.append(frame.time)
         for name in ("fill", "pressure", "velocity", "cure", "temperature", "film"):
@@ -68,14 +72,15 @@ class FillingRecord:
         thickness = filling.state.thickness
         self.thickness.append(thickness.copy())
         self.fibre_volume_fraction.append(filling.medium.fibre_fraction(thickness))
+        self.frame_stage.append(stage)
 
     def add_step(
-        self, filling: Filling, node_area: np.ndarray, force: Sequence[float] = ()
+        self, filling: Filling, node_area: np.ndarray, force: Sequence[float] = (), stage: int = 0
     ) -> None:
         """Keep the sums of the present state.
 
         node_area : [m2] of each node, (N,). force : of what presses on the part [N], those of
-        :data:`FORCES` that are known; none where nothing does.
+        :data:`FORCES` that are known; none where nothing does. stage : number of the present one.
         """
         state = filling.state
         self.time.append(state.time)
@@ -88,6 +93,7 @@ class FillingRecord:
         self.injected.append(state.injected.copy())
         self.vented.append(state.vented.copy())
         self.force.append(np.array(force, dtype=float))
+        self.stage.append(stage)
 
 
 @dataclass(frozen=True)
@@ -116,6 +122,17 @@ class FillingHistory:
     force: np.ndarray
 
 
+class FilledStages(NamedTuple):
+    """Which stage of the process each saved state (F,) and each step (H,) belongs to.
+
+    names : of all stages, in their order.
+    """
+
+    names: tuple[str, ...]
+    of_frames: np.ndarray
+    of_steps: np.ndarray
+
+
 @dataclass(frozen=True)
 class FilledPart:
     """A formed part and how it fills.
@@ -128,6 +145,7 @@ class FilledPart:
     cure, temperature, film : of the resin, [K], and on the sheet [m], (F, N).
     thickness : of the cells [m], (F, C). fibre_volume_fraction : (F, C).
     coupling : how textile and resin were brought to agree, where something presses on the part.
+    stages : of the process in which it fills, None where there are none.
     state : the last one. outcome, message : why it ended (:class:`FillingResult`).
     """
 
@@ -147,13 +165,14 @@ class FilledPart:
     outcome: str
     message: str
     coupling: History | None = None
+    stages: FilledStages | None = None
 
     @classmethod
     def of_record(
         cls, setup: FillingSetup, record: FillingRecord, state: FillingState, outcome: str,
-        message: str, coupling: History | None = None,
+        message: str, coupling: History | None = None, stages: Sequence[str] = (),
     ) -> FilledPart:  # fmt: skip
-        """Gather what a filling has left."""
+        """Gather what a filling has left; ``stages`` are the names of those of its process."""
         gates, vents = len(setup.gates), len(setup.vents)
         history = FillingHistory(
             time=np.array(record.time),
@@ -184,7 +203,10 @@ class FilledPart:
             outcome=outcome,
             message=message,
             coupling=coupling,
-        )
+            stages=FilledStages(
+                tuple(stages), np.array(record.frame_stage), np.array(record.stage)
+            ) if stages else None,
+        )  # fmt: skip
 
     @property
     def is_filled(self) -> bool:

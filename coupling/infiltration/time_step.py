@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
+#: Times that air may come in before a step, each time where the front has gone back to.
+MOST_OPENINGS = 20
 #: Resin that has no room after a jump of the pores flows in a step cut so often, else in more.
 CUTS_OF_EXCESS = 12
 #: So many steps in a row, each below this share of what is left of the time, lead nowhere.
@@ -83,6 +85,7 @@ class TimeStep:
     def take(self, until: float) -> tuple[str, str] | None:
         """Take a step towards a time [s]; return outcome and message if nothing moves any more."""
         filling = self.filling
+        self._let_air_in()
         state = filling.state
         situation, stage, step = self._begin(until)
         moves = self._moves(situation, stage, until)
@@ -109,6 +112,18 @@ class TimeStep:
             f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room "
             f"next to where it is pressed to ({_place(filling, stage)})"
         )
+
+    def _let_air_in(self) -> None:
+        """Open the control volumes to air that would be under suction beside an open face."""
+        filling = self.filling
+        faces = filling.open_faces
+        for _ in range(MOST_OPENINGS if faces is not None else 0):
+            assert faces is not None
+            _, stage = self._kept or self._look()
+            drawn = faces.drawn(filling.state.full, stage.flow.pressure)
+            if not drawn.any():
+                return
+            filling.let_air_in(drawn, faces.pressure)
 
     def refresh(self) -> None:
         """Write the pressure of the present state into it."""

@@ -114,6 +114,11 @@ class Iteration:
         self._scales = np.maximum(self._scales, [rms(field) for field in attempt.answers])
         self._last_size = window.size
 
+    def forget(self) -> None:
+        """Forget what windows have taught."""
+        if self.scheme.acceleration is not None:
+            self.scheme.acceleration.forget()
+
     def save(self) -> Any:
         """Return a copy of the memory."""
         acceleration = self.scheme.acceleration

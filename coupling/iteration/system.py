@@ -152,6 +152,15 @@ class CoupledSystem:
                 on_window(self)
         self._means = {name: total / (end - begin) for name, total in sums.items()}
 
+    def go_on_from(self, time: float) -> None:
+        """Go on from a time [s] to which all parts have come in another way.
+
+        What windows before have taught holds no longer.
+        """
+        self._time = float(time)
+        self._predictor = Predictor(self._predictor.order)
+        self._iteration.forget()
+
     @property
     def exchanged(self) -> list[Values]:
         """Return the exchanged fields at the end of the last window, one array per exchange."""

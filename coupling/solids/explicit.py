@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,10 @@ from lcmchain.state import State
 
 # Share of the explicit step's stability that the resistances of the fluid may take.
 DAMPED_SHARE = 0.25
+# Of a face: a tool that touches so much of it keeps air out.
+COVERED = 0.5
+# Of a step: what it ends beside the border of a stage is rounding.
+ROUNDED_BORDER = 1e-6
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,7 @@ class SavedForming:
     resistance : over the last step (element_count,) [Pa s/m³].
     step : length of the last step [s], 0 before the first one.
     volume, area : of the elements where the last step began (element_count,) [m³, m²].
+    columns_at : of a stack, positions of the nodes for which its columns were found (3, N) [m].
     """
 
     state: State
@@ -56,6 +61,7 @@ class SavedForming:
     step: float
     volume: np.ndarray
     area: np.ndarray
+    columns_at: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
 
 
 class ExplicitForming:
@@ -96,10 +102,20 @@ class ExplicitForming:
         self.surroundings, self.ramped = float(surroundings), ramped
         self._lanes = model.pore
         self._body = self._sheet()
+        self.start_anew()
+
+    def start_anew(self) -> None:
+        """Take the present as what the next step begins with, and forget the one before."""
         self._given, self._at_rest = self.present_pressure(), False
         self._mean, self._resistance = self._given.copy(), np.zeros(self.element_count)
         self._step = 0.0
         self._volume, self._area = self.volume(), self.area()
+
+    def drain(self) -> None:
+        """Let the fluid have the pressure of the surroundings, as long as nothing else is set."""
+        state = self.simulation.state
+        for array in (state.pore_pressure, state.pore_rate, state.pore_resistance):
+            array[:] = 0.0
 
     def _sheet(self) -> Body:
         """Return the body whose elements are the cells.
@@ -202,6 +218,11 @@ class ExplicitForming:
         touched = self.simulation.state.contact_force[self._body.mesh.elements] > 0.0
         return touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
 
+    def covered(self) -> np.ndarray:
+        """Return which elements tools touch on both faces, over half of each or more (C,)."""
+        below, above = self._touched()
+        return (below >= COVERED) & (above >= COVERED)
+
     def _next_resistance(self) -> np.ndarray:
         """Return the resistances (element_count,) [Pa s/m³] that the explicit step can bear."""
         simulation = self.simulation
@@ -266,7 +287,7 @@ class ExplicitForming:
             state.pore_pressure[:] = given
         state.pore_resistance[:] = self._resistance_in_lanes()
         try:
-            simulation.advance_to(begin + step)
+            simulation.advance_to(self._end_of(begin, step))
         except SimulationError as error:
             raise PartFailed(
                 str(error), time=begin, step=step, inputs={PORE_PRESSURE: self._given}
@@ -276,6 +297,12 @@ class ExplicitForming:
             state.pore_resistance[:] = 0.0
         self._mean = self._given - self._resistance * (self.volume() - self._volume) / step
         state.pore_pressure[:] = self._pressure_in_lanes(self._mean)
+
+    def _end_of(self, begin: float, step: float) -> float:
+        """Return when a step ends [s]: at the border of a stage, not a rounding error beside it."""
+        end, stage = begin + step, self.simulation.model.present_stage
+        borders = [] if stage is None else [own.end for own in self.simulation.model.stages]
+        return next((b for b in borders if abs(b - end) < ROUNDED_BORDER * step), end)
 
     def save(self) -> SavedForming:
         """Return a copy of the state, which no later step changes."""

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from lcmchain.coupling.infiltration.formed_part import blocks_of
-from lcmchain.coupling.solids.explicit import DAMPED_SHARE, ExplicitForming
+from lcmchain.coupling.solids.explicit import DAMPED_SHARE, ExplicitForming, SavedForming
+from lcmchain.coupling.solids.inner_faces import PliesInColumns, inner_parts
 from lcmchain.effects.pore_columns import PoreColumns, mobilities, of_columns
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
@@ -23,6 +25,8 @@ from lcmchain.interfaces.in_frames import GAP
 from lcmchain.mapping.intersection import overlaps
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
+from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.solver.simulation import Simulation
 
 #: From the larger of these shares of its area on an element lies over columns with all of it:
 #: tangent planes and facets of two meshes of the same curved surface disagree by a few per cent. Up
@@ -43,13 +47,20 @@ class StackForming(ExplicitForming):
     ----------
     simulation : of several plies with a thickness, which touch each other, whose model was built
         with ``pore_pressure=True``.
-    surroundings, ramped : as of :class:`ExplicitForming`. The part of an element that lies beside
-        all columns has the pressure of the surroundings.
+    unlike : whether plies end inside others, so that parts of their faces look at other plies than
+        the next ones, or lie bare (:mod:`.inner_faces`). Else the faces between the plies look at
+        each other, however far they have slid.
+    options : ``surroundings``, ``ramped`` as of :class:`ExplicitForming`. The part of an element
+        that lies beside all columns has the pressure of the surroundings.
 
     Raises
     ------
     InputError : the model has no pore pressure, one sheet, or plies that do not touch.
     """
+
+    def __init__(self, simulation: Simulation, *, unlike: bool = False, **options: Any) -> None:
+        self._unlike = unlike
+        super().__init__(simulation, **options)
 
     def _sheet(self) -> Body:
         model = self.simulation.model
@@ -57,7 +68,7 @@ class StackForming(ExplicitForming):
             raise InputError("the model is no stack of plies that touch each other")
         self._bodies: Sequence[Body] = model.bodies
         #: Number of the ply whose elements are the columns.
-        self.reference = largest_ply(model.bodies)
+        self.reference = largest_ply([body.mesh for body in model.bodies])
         body = model.bodies[self.reference]
         #: Columns whose fluid resists the change of their volume (C,): those that hold any.
         self.resisting = np.ones(body.mesh.element_count, dtype=bool)
@@ -81,11 +92,48 @@ class StackForming(ExplicitForming):
         self.shares = shares_of_columns(self._bodies, self.reference, positions)
         model = self.simulation.model
         self._columns = PoreColumns.of_shares(self._lanes, self.shares, self._own.start)
-        self.simulation.model = replace(model, pore_columns=self._columns)
+        if self._unlike:
+            self._find_inner_faces(positions)
+        self.simulation.model = replace(model, pore=self._lanes, pore_columns=self._columns)
+
+    def _find_inner_faces(self, positions: np.ndarray) -> None:
+        """Find the part of every face that looks at another ply, and tell the loop."""
+        counts = [body.mesh.element_count for body in self._bodies]
+        ply = np.repeat(np.arange(len(counts)), counts)
+        own = [positions[self._nodes(body)] for body in self._bodies]
+        area, centre = (np.concatenate(values) for values in zip(*(
+            (body.mesh.areas(at), at[body.mesh.elements].mean(axis=1))
+            for body, at in zip(self._bodies, own, strict=True)
+        ), strict=True))  # fmt: skip
+        plies = PliesInColumns.of_elements(
+            self.shares, ply, area, self.ply_volumes(), centre, (self.area(), self.normals())
+        )
+        thicknesses = [float(body.material.thickness) for body in self._bodies]
+        #: Part of the lower and upper face of every element that looks at another ply (E,).
+        self.inner = tuple(
+            inner_parts(self.shares, ply, plies.part, facing)
+            for facing in plies.facing(thicknesses)
+        )
+        below, above = self.inner
+        self._lanes = self._lanes._replace(
+            bottom=self._lanes.in_lanes(1.0 - below), top=self._lanes.in_lanes(1.0 - above)
+        )
 
     def advance(self, step: float) -> None:
         self.renew()
         super().advance(step)
+
+    def save(self) -> SavedForming:
+        return replace(super().save(), columns_at=self._renewed_at.T.copy())
+
+    def restore(self, saved: SavedForming) -> None:
+        super().restore(saved)
+        # outputs of the last step are those of the columns that it began with
+        position = self.simulation.state.position
+        present = position.copy()
+        position[:] = saved.columns_at
+        self.renew()
+        position[:] = present
 
     # --- shape ------------------------------------------------------------------------------------
 
@@ -124,6 +172,10 @@ class StackForming(ExplicitForming):
             at = gap[nodes][body.mesh.elements]
             below = at[:, :4].mean(axis=1) if number > 0 else 0.0
             above = at[:, 4:].mean(axis=1) if number < len(self._bodies) - 1 else 0.0
+            if self._unlike:
+                rows = slice(body.first_element, body.first_element + body.mesh.element_count)
+                below, above = at[:, :4].mean(axis=1), at[:, 4:].mean(axis=1)
+                below, above = below * self.inner[0][rows], above * self.inner[1][rows]
             found.append(0.5 * area * (below + above))
         return np.concatenate(found)
 
@@ -193,6 +245,8 @@ class StackForming(ExplicitForming):
         return self.area() * np.sum(1.0 / penalty)
 
     def _touched(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._unlike:
+            return self._touched_part(0), self._touched_part(1)
         force, found = self.simulation.state.contact_force > 0.0, []
         for body, face in ((self._bodies[0], slice(0, 4)), (self._bodies[-1], slice(4, 8))):
             touched = force[self._nodes(body)][body.mesh.elements[:, face]].mean(axis=1)
@@ -202,10 +256,23 @@ class StackForming(ExplicitForming):
             found.append(np.divide(there, total, out=np.zeros_like(there), where=total > 0.0))
         return found[0], found[1]
 
+    def _touched_part(self, side: int) -> np.ndarray:
+        """Return the part of the bare faces below (0) or above (1) that tools touch (C,)."""
+        force, positions = self.simulation.state.contact_force > 0.0, self._positions()
+        bare, touched = np.zeros((2, self._lanes.place.size))
+        for body in self._bodies:
+            rows = slice(body.first_element, body.first_element + body.mesh.element_count)
+            own = self._nodes(body)
+            at = body.mesh.elements[:, 4 * side : 4 * side + 4]
+            bare[rows] = body.mesh.areas(positions[own]) * (1.0 - self.inner[side][rows])
+            touched[rows] = bare[rows] * force[own][at].mean(axis=1)
+        total, there = self.shares.T @ bare, self.shares.T @ touched
+        return np.divide(there, total, out=np.zeros_like(there), where=total > 0.0)
 
-def largest_ply(bodies: Sequence[Body]) -> int:
+
+def largest_ply(meshes: Sequence[SheetMesh]) -> int:
     """Return the number of the ply that covers most, of equal ones the lowest."""
-    area = np.array([body.mesh.areas(body.mesh.node_positions).sum() for body in bodies])
+    area = np.array([mesh.areas(mesh.node_positions).sum() for mesh in meshes])
     return int(np.argmax(area >= area.max() * (1.0 - ROUNDING)))
 
 

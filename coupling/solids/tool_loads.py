@@ -42,8 +42,11 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
     position = state.position - state.last_step * state.velocity
     fibres = fibre_forces(simulation, position)
     fluid = _fluid_forces(model, position, state.pore_pressure)
-    loads = {}
+    loads, works = {}, model.tools_at_work(simulation.time)
     for tool, name in enumerate(model.tool_names):
+        if not works[tool]:  # one that is away may still stand where others touch the sheet
+            loads[name] = ToolLoad(*(np.zeros(3) for _ in ToolLoad._fields))
+            continue
         travel = state.tool_travel[tool] - state.last_step * state.tool_velocity[tool]
         normal = _contact_normals(simulation, tool, position, travel)
         total = state.tool_force[tool].copy()

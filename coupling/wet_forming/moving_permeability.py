@@ -50,6 +50,9 @@ class MovingPermeability:
         """Give the filling what it knows of the present, in a state that fits to it."""
         self.renew(filling)
 
+    def place(self, filling: Filling) -> None:
+        """Give the filling the fibres of the present: the cells of a sheet keep theirs."""
+
     def renew(self, filling: Filling) -> None:
         """Give the filling the permeability of the present.
 
@@ -165,10 +168,9 @@ class MovingStack:
         ------
         SimulationError : a fibre volume fraction is out of the range of the law.
         """
-        self.forming.renew()
+        self.place(filling)
         cells = filling.mesh.cells
         self.forming.resisting = (filling.state.full[cells] & (cells >= 0)).any(axis=1)
-        filling.medium.fibre_volume = self.forming.shares.T @ self.fibre_volume
         try:
             tensor, through = self._principal()
         except InputError as error:
@@ -176,6 +178,11 @@ class MovingStack:
                 f"the permeability law ends at {filling.time:.4g} s of the filling: {error}"
             ) from error
         filling.set_permeability(self._factor[:, None, None] * tensor, self._factor * through)
+
+    def place(self, filling: Filling) -> None:
+        """Let the columns lie where the plies are, and give the filling their fibres."""
+        self.forming.renew()
+        filling.medium.fibre_volume = self.forming.shares.T @ self.fibre_volume
 
     def renew(self, filling: Filling) -> None:
         """Let the columns lie where the plies are, and give the filling what is in them.

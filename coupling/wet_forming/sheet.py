@@ -15,7 +15,6 @@ from lcmchain.coupling.infiltration.formed_part import (
     with_permeability,
 )
 from lcmchain.coupling.solids.stack import StackForming
-from lcmchain.errors import InputError
 from lcmchain.fields import derive_fields
 from lcmchain.fields.stack import plies_of
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
@@ -123,19 +122,17 @@ def fibre_fractions(simulation: Simulation) -> np.ndarray:
 
 
 def blank_of_scene(scene: Scene) -> FormedPart:
-    """Return the blank of a scene, before it is formed.
+    """Return the blank or stack of a scene, before it is formed.
 
-    Raises
-    ------
-    InputError : there are several plies.
+    A stack has the columns of :class:`~lcmchain.coupling.solids.stack.StackForming` for cells.
     """
-    if len(scene.stack) != 1:
-        raise InputError(
-            f"names {len(scene.stack)} plies, but the unit of a resin that flows while the blank "
-            "is formed takes one; run the scene instead, which couples both",
-            key="plies" if scene.plies else "layup",
-        )
     simulation = Simulation.from_scene(scene)
+    if len(simulation.model.bodies) > 1:
+        case = scene.wet_forming
+        law = scene.permeability if case is None or case.permeability is None else case.permeability
+        assert law is not None  # a scene without is refused
+        forming = StackForming(simulation, unlike=not scene.stack.has_one_outline)
+        return part_of_stack(scene, forming, [simulation.snapshot()], forming.points(), law)
     (body,) = simulation.model.bodies
     points = body.mesh.mid_surface(simulation.model.node_positions)
     return part_of_sheet(scene, simulation, [simulation.snapshot()], points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.formed_part import FormedPart
+from lcmchain.coupling.infiltration.open_faces import OpenFaces
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
@@ -39,9 +41,10 @@ from lcmchain.coupling.wet_forming.moving_permeability import (
     WithinWindow,
 )
 from lcmchain.coupling.wet_forming.sheet import fibre_fractions, part_of_sheet, part_of_stack
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationError
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.scene import Infiltration, Scene
+from lcmchain.scene.resin_stages import ResinStage, resin_stages
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.tools.motion import FIXED
 
@@ -53,6 +56,10 @@ LONGEST = 4.0
 LARGEST_EXCESS = 0.01
 #: A difference of pressures [Pa] that moves no textile: a tenth of a millibar.
 NO_PRESSURE = 10.0
+#: Of the time of the resin: by so much is a saved state later at whose time its clock stood.
+STANDING_CLOCK = 1e-9
+#: Of a time: by so much the clocks of sheet and resin may differ.
+ROUNDING = 1e-9
 
 
 class WetForming:
@@ -72,8 +79,12 @@ class WetForming:
         case = _case_of(scene)
         self.scene, self.case, self.simulation = scene, case, simulation
         stacked = len(simulation.model.bodies) > 1
-        kind = StackForming if stacked else ExplicitForming
-        self.forming = kind(simulation, surroundings=case.vent_pressure)
+        around = case.vent_pressure
+        self.forming: ExplicitForming = (
+            StackForming(
+                simulation, surroundings=around, unlike=not scene.stack.has_one_outline
+            ) if stacked else ExplicitForming(simulation, surroundings=around)
+        )  # fmt: skip
         law = case.permeability or scene.permeability
         assert law is not None  # a scene without is refused
         self._law = law
@@ -93,13 +104,20 @@ class WetForming:
             )
         else:
             self._permeability = MovingPermeability(simulation, law, preform, directory)
-        pace = case.time / scene.process.time
-        self._system = coupled(
-            self.forming, FillingPart(self.filling, pace=pace), case, scene.process.time
+        #: The stages on both clocks, one that is the whole process where the scene has none.
+        self.stages = resin_stages(scene) or (
+            ResinStage("", 0.0, scene.process.time, 0.0, case.time),
         )
+        flowing = [stage for stage in self.stages if stage.flows]
+        self._resin = FillingPart(self.filling, pace=flowing[0].pace)
+        time = math.fsum(stage.end - stage.start for stage in flowing)
+        self._system = coupled(self.forming, self._resin, case, time)
+        with_forming = case.with_forming
+        self._faces_are_open = with_forming is not None and with_forming.open_faces == "air"
         self._fingerprint = run_fingerprint(scene)._asdict()
         self.record = FillingRecord.empty()
         self._permeability.begin(self.filling)
+        self._open_faces()
 
     def _part(self, snapshots: list[Snapshot], points: np.ndarray) -> FormedPart:
         """Return what is formed in the last of saved states, which is the present."""
@@ -125,19 +143,97 @@ class WetForming:
 
         def after_window(_: CoupledSystem) -> None:
             self._permeability.renew(self.filling)
+            self._open_faces()
             self._note()
             if on_window is not None:
                 on_window(self.simulation)
 
         if not self.record.time:
             self._note()
-        self._system.advance_to(time, after_window)
+        while self._now < time:
+            stage = self._next_stage
+            if self._is_behind and self._now == stage.start:
+                self._join()  # it was stopped where a stage without flow ended
+            until = min(time, stage.end)
+            if stage.flows:
+                if self._now == stage.start:
+                    self._resin.go_on_at(stage.pace, stage.start)
+                self._system.advance_to(until, after_window)
+            else:
+                self.forming.drain()
+                self.simulation.advance_to(until, on_window)
+                self._join()
+        if self._is_behind:
+            self._join()
+
+    def _open_faces(self) -> None:
+        """Tell the filling where no tool keeps air out of the sheet at present."""
+        if not self._faces_are_open:
+            return
+        cells = self.filling.mesh.cells[~self.forming.covered()]
+        beside = np.zeros(self.filling.mesh.node_count, dtype=bool)
+        beside[cells[cells >= 0]] = True
+        self.filling.open_faces = OpenFaces(beside, float(self.case.vent_pressure))
+
+    @property
+    def _is_behind(self) -> bool:
+        """Whether the sheet has gone on without the resin."""
+        now = self.simulation.time
+        return now - self._system.time > ROUNDING * now
+
+    @property
+    def _now(self) -> float:
+        return self.simulation.time if self._is_behind else self._system.time
+
+    @property
+    def _next_stage(self) -> ResinStage:
+        """The stage that the next step belongs to; the last one at the end."""
+        now = self._now
+        return next((stage for stage in self.stages if now < stage.end), self.stages[-1])
+
+    @property
+    def _stage_number(self) -> int:
+        """Number of the stage that the present belongs to; a border to the one that ends there."""
+        now = self._now
+        ended = sum(stage.end < now for stage in self.stages)
+        return min(ended, len(self.stages) - 1)
+
+    def _join(self) -> None:
+        """Bring the resin to where the sheet has gone without it; its own clock stands.
+
+        In a stage that ends at rest the resin has the pressure of the surroundings and stays with
+        the textile. Done twice it changes nothing.
+
+        Raises
+        ------
+        SimulationError : the sheet is pressed together.
+        """
+        now, stage = self.simulation.time, self.stages[self._stage_number]
+        self._permeability.place(self.filling)
+        try:
+            self._resin.follow(self.forming.volume(), self.forming.points())
+        except SimulationError as error:
+            raise SimulationError(
+                f"in the stage {stage.name}, after {1e3 * now:.4g} ms, {error}: no resin flows in "
+                f"a stage with rest = true. Open the tools before stages.{stage.name} begins, or "
+                "give it mass_damping instead of rest = true, so that its time is one of the "
+                "process"
+            ) from error
+        self._permeability.begin(self.filling)
+        self.forming.start_anew()
+        self._open_faces()
+        self._system.go_on_from(now)
+        if now == stage.end:
+            self._note()
 
     def keep_frame(self) -> None:
-        """Keep the filling's fields of the present."""
+        """Keep the filling's fields of the present; of a stage without flow those of its end."""
         if not self.record.time:
             self._note()
-        self.record.add_frame(self.filling)
+        stage, now = self._next_stage, self._now
+        if stage.flows or now == stage.start or now == stage.end:
+            self.record.add_frame(self.filling, self._stage_number)
+            set_apart(self.record.frame_time, self.case.time)
 
     def force(self) -> tuple[float, ...]:
         """Return the force of the tools that move, along their ways, and its parts [N].
@@ -174,6 +270,7 @@ class WetForming:
         saved, self.record = read_checkpoint(path, self._fingerprint)
         self._system.restore(saved)
         self._permeability.begin(self.filling)
+        self._open_faces()
 
     def filled(self, snapshots: list[Snapshot]) -> FilledPart:
         """Return how the sheet has filled, on its shape in the last of the saved states."""
@@ -190,12 +287,14 @@ class WetForming:
         if state.full.all():
             outcome, message = "filled", "all pores are full at the end of the process"
         return FilledPart.of_record(
-            setup, self.record, self.filling.save(), outcome, message, self.history
-        )
+            setup, self.record, self.filling.save(), outcome, message, self.history,
+            [stage.name for stage in self.stages] if self.scene.stages else (),
+        )  # fmt: skip
 
     def _note(self) -> None:
         areas = self.filling.medium.node_area
-        self.record.add_step(self.filling, areas, self.force())
+        self.record.add_step(self.filling, areas, self.force(), self._stage_number)
+        set_apart(self.record.time, self.case.time)
 
 
 def coupled(
@@ -227,6 +326,15 @@ def coupled(
         {"sheet": forming, "resin": fluid}, exchanges, iqn_ils(relaxation=1.0), window=control,
         prediction=1,
     )  # fmt: skip
+
+
+def set_apart(times: list[float], whole: float) -> None:
+    """Let the last of times [s] be later than the one before, where the resin's clock stood.
+
+    whole : time of the whole infiltration [s], of which it is later by a part that nobody notices.
+    """
+    if len(times) > 1 and times[-1] <= times[-2]:
+        times[-1] = times[-2] + STANDING_CLOCK * whole
 
 
 def checkpoint_file(folder: Path, step_count: int | str) -> Path:

@@ -18,6 +18,7 @@ from lcmchain.check.tools_closing import Closing
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.fabrics import Basis, preset_basis
+from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work
 from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
@@ -255,12 +256,17 @@ def stage_table(scene: Scene) -> list[Table]:
         return []
     table = _table("Stages", "stage", "time", "at work", "motions", "damping")
     others: tuple[Any, ...] = (*scene.tools, *scene.grippers, *scene.pressure)
+    resin = {} if scene.wet_forming is None else {own.name: own for own in resin_stages(scene)}
     for stage, plan in zip(scene.stages, scene.stage_plans(), strict=True):
         time = milliseconds_text(stage.time)
         if stage.time_is_found:
             time = f"found: {time} at the fastest"
         elif stage.rest:
             time = f"until rest, at most {time}"
+        if stage.name in resin:
+            own = resin[stage.name]
+            span = own.resin_end - own.resin_start
+            time += f"; for the resin {span:.4g} s" if own.flows else "; the resin stands still"
         damping = "stopped at peaks of the kinetic energy"
         if not stage.rest:
             damping = f"{plan.mass_damping:.4g} 1/s"

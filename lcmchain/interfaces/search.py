@@ -38,6 +38,8 @@ GIVEN_UP = 1.3
 CREASE_EDGES, CREASE_THICKNESSES = 1.25, 4.0
 # Cells of the grid for each facet, at most; their size in widest edges, beside the reach.
 CELLS_PER_FACET, CELL_SIZE = 4, 0.6
+# Cells along an axis beyond which places are no numbers any more.
+FAR = 1e15
 # Points face a facet from beside it, up to this part of the widest edge.
 BESIDE, BESIDE_A_RIM = 0.1, 0.8
 # What is left out before a point is projected: facets whose middle lies further aside than this
@@ -214,7 +216,9 @@ def build_grid(position, data, slopes):
     while True:
         total = 1.0
         for d in range(3):
-            count[d] = int((high[d] - low[d]) / size) + 1
+            # of places that are no numbers any more, which a guard finds after these steps
+            wide = (high[d] - low[d]) / size
+            count[d] = int(wide) + 1 if wide < FAR else 1
             total *= count[d]
         if total <= limit:
             break

@@ -49,6 +49,8 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         )
     for name, vent in report["vents"].items():
         yield f"vent {name}", f"{1e6 * vent['vented_volume']:.4g} ml of resin left"
+    for name, stage in report.get("stages", {}).items():
+        yield f"stage {name}", stage_in_words(stage)
     yield "largest pressure", f"{1e-5 * report['pressure_max']:.4g} bar"
     yield (
         "balance of the resin",
@@ -56,6 +58,20 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     )
     yield "steps", f"{report['step_count']:,} in {report['wall_s']:.3g} s of computing"
     yield "files", ", ".join(report["files"].values())
+
+
+def stage_in_words(stage: Mapping[str, float]) -> str:
+    """Say what the resin did in a stage of the process."""
+    text = (
+        f"{time_in_words(stage['start'])} to {time_in_words(stage['end'])} of the resin, "
+        f"{stage['filled_share']:.1%} filled at its end, pressure up to "
+        f"{1e-5 * stage['pressure_max']:.3g} bar in the saved states, press force up to "
+        f"{stage['force_max']:.3g} N"
+    )
+    for key, word in (("injected_volume", "injected"), ("vented_volume", "vented")):
+        if stage[key] > 0.0:
+            text += f", {1e6 * stage[key]:.3g} ml {word}"
+    return text
 
 
 def dry_spot_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:

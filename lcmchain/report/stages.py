@@ -14,6 +14,7 @@ from lcmchain.fields.loads import has_histories, mean_force
 from lcmchain.fields.stages import STAGE, STAGE_END, STAGE_NAME
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.captions import PREFIX
+from lcmchain.report.fillings import stage_in_words
 from lcmchain.report.grades import percent
 
 if TYPE_CHECKING:
@@ -61,6 +62,11 @@ def stage_chapters(
     for number, stage in enumerate(summary.get("stages", ()), start=1):
         name = stage["name"]
         rows = list(_rows(stage, datasets, frames.get(name)))
+        rows += [
+            ("resin", stage_in_words(filling["stages"][name]))
+            for filling in summary.get("infiltration", {}).values()
+            if name in filling.get("stages", {})
+        ]
         own = [p for p in pictures if Path(p[0]).name.startswith(f"{PREFIX}{number}_{name}_")]
         found.append((f"{number}. {name}", rows, own))
     return found

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, field_validator, model_validator
 
 from lcmchain.mesh.where import NamedPlace, Where
+from lcmchain.quantities.at_work import AtWork
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     FlowRate,
@@ -30,6 +31,11 @@ class _Opening(NamedPlace):
     closes: Annotated[PositiveTime | None, AbsentMeans("never")] = Field(
         default=None, description="Time at which it closes for good."
     )
+    stages: AtWork = Field(
+        default=None,
+        description="Where resin flows in [[stages]] (with_forming): those in which it is open; "
+        "its times then count from when the first one begins. Left out, all of them.",
+    )
     opens_on_arrival: Arrival = Field(
         default=None, description="It stays closed until the front arrives at this place."
     )
@@ -40,7 +46,8 @@ class _Opening(NamedPlace):
     @property
     def when(self) -> str:
         """When it is open, for the check of a scene."""
-        parts = [f"from {self.opens:g} s"] if self.opens > 0.0 else []
+        parts = [] if self.stages is None else [f"in {', '.join(self.stages)}"]
+        parts += [f"from {self.opens:g} s"] if self.opens > 0.0 else []
         if self.closes is not None:
             parts.append(f"until {self.closes:g} s")
         if self.opens_on_arrival is not None:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -289,6 +290,21 @@ class Stack(Sequence[PlySettings]):
             other.starts == first.starts and np.allclose(other.points, first.points, atol=1e-9)
             for other in others
         )
+
+    def lying_on_each_other(self) -> Iterator[tuple[PlySettings, PlySettings]]:
+        """Yield plies with the highest one that they lie over at the start, which comes first."""
+        if self.has_one_outline:
+            yield from pairwise(self.plies)
+            return
+        areas = [ply.contours.polygon for ply in self.plies]
+        for number, ply in enumerate(self.plies):
+            beneath = [
+                other
+                for other, area in zip(self.plies[:number], areas, strict=False)
+                if area.intersects(areas[number]) and not area.touches(areas[number])
+            ]
+            if beneath:
+                yield max(beneath, key=lambda other: other.top), ply
 
     @property
     def shortest_edge(self) -> float:

@@ -8,7 +8,6 @@ tables stand in the files that implement them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -620,15 +619,7 @@ class Scene(SceneModel):
                 "out, and the formed stack is filled",
                 field=f"{key}.with_forming",
             )
-        if not self.stack.has_one_outline:
-            raise wrong(
-                "lets resin flow through all plies of a stack while it is formed, but its plies "
-                "have unlike outlines: which faces resin presses on beside a smaller ply changes "
-                "as they slide; give all plies one outline, or leave the entry out, and the formed "
-                "stack is filled",
-                field=f"{key}.with_forming",
-            )
-        for below, ply in pairwise(self.stack):
+        for below, ply in self.stack.lying_on_each_other():
             gap = ply.bottom - below.top
             if abs(gap) > LARGEST_WET_GAP * min(below.thickness, ply.thickness):
                 what = f"leaves a gap of {1e3 * gap:.4g} mm to"

@@ -35,6 +35,11 @@ from lcmchain.scene.found_time import (
 )
 from lcmchain.scene.names import no_such
 from lcmchain.scene.process import FOUND_TIME
+from lcmchain.scene.resin_stages import (
+    require_no_places_of_stages,
+    require_resin,
+    with_places_of_stages,
+)
 from lcmchain.tools.motion import GUIDED, FixedMotion, Motion, StrokeMotion, TableMotion
 from lcmchain.tools.motion.travel import travel_along
 
@@ -74,7 +79,12 @@ class Stage(SceneModel):
         description="A sheet is at rest whose kinetic energy stays below this part of the energy "
         "that was stored when the motions of the stage had ended.",
     )
-
+    resin_time: Annotated[PositiveTime | None, AbsentMeans("part of infiltration.time")] = Field(
+        default=None,
+        description="What it takes for a resin that flows while the sheet is formed "
+        "(infiltration.with_forming). Stages without it share what is left of infiltration.time "
+        "by their times.",
+    )
     springback_from: Annotated[
         Annotated[str, Name("close")] | None, AbsentMeans("the stage before")
     ] = Field(
@@ -169,6 +179,7 @@ def frame_times(scene: Any) -> np.ndarray:
 
 def require_no_stages(scene: Any) -> None:
     """Refuse entries that name stages in a scene without any."""
+    require_no_places_of_stages(scene)
     for key, entry in _entries(scene):
         if entry.stages is not None:
             raise wrong(
@@ -200,14 +211,9 @@ def completed_stages(scene: Any) -> dict[str, Any]:
             f"frames; give at least {len(stages) + 1}",
             field="process.frames",
         )
-    if scene.wet_forming is not None:
-        raise wrong(
-            "lets resin flow while the sheet is formed, which knows no stages; leave it out, and "
-            "the formed sheet is filled, or form in one process without [[stages]]",
-            field="infiltration.with_forming",
-        )
     _require_names(scene)
     _require_motions(scene)
+    require_resin(scene)
     done = tuple(_completed(scene, number) for number in range(len(stages)))
     time = math.fsum(stage.time for stage in done)
     found = [stage for stage in done if stage.time_is_found]
@@ -240,6 +246,7 @@ def completed_stages(scene: Any) -> dict[str, Any]:
         "stages": done,
         "tools": tuple(tools),
         "grippers": tuple(grippers),
+        **with_places_of_stages(staged, time),
     }
 
 

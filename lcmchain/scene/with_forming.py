@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -22,6 +22,13 @@ class WithForming(SceneModel):
         default=1e-3,
         description="Change of the pore pressures in the last iteration of a window, relative to "
         "them.",
+    )
+
+    open_faces: Literal["closed", "air"] = Field(
+        default="closed",
+        description="What a face that no tool touches lets through: nothing, as under a film, so "
+        "that suction may hold the sheet together; or air, which then comes in before the "
+        "pressure falls below vent_pressure.",
     )
 
     @property

@@ -277,7 +277,6 @@ def test_the_interface_tells_the_plies_apart(units, tmp_path):
 
 
 REFUSED = {
-    "pore_pressure": ({"pore_pressure": True}, r"plies: names 2 plies, but a unit"),
     "patches": ({"interface": 4}, r"--interface: groups the elements of one sheet.* 2 plies"),
     "mesh": ({"overrides": ['fmu.parameters=["plies.lower.edge_length"]']}, "decides the mesh"),
 }

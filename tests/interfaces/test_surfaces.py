@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from stacks import T, ply, scene_of, stack
 
 from lcmchain.errors import InputError
+from lcmchain.interfaces.search import build_grid
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.interfaces.table import Interface
 
@@ -101,3 +102,15 @@ def test_plies_that_overlap_at_the_start_are_refused():
     deep = [PAIR[0], ply("b", z=0.9 * T)]
     with pytest.raises(InputError, match=r"plies a and b overlap by 0\.602 mm"):
         stack(deep, scene_of())
+
+
+def test_places_that_are_no_numbers_leave_the_search_a_grid(data, position):
+    """So that a guard can tell which node has been lost, and a run may go back."""
+    slopes = np.zeros((data.facet_node.shape[0], 8))
+    for lost in (np.nan, np.inf):
+        places = np.ascontiguousarray(position.T)
+        whole = build_grid(places, data, slopes)
+        assert whole.entry.size >= data.facet_node.shape[0]
+        places[:, 3] = lost
+        grid = build_grid(places, data, slopes)
+        assert (grid.cells >= 1).all() and grid.start.size == grid.cells.prod() + 1

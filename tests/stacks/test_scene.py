@@ -192,10 +192,6 @@ WRONG = {
     ),
     "interfaces of one sheet": (PRESET + BLANK + "[[interfaces]]\n", "the scene has one sheet"),
     "a net": ('element = "kinematic"\n' + PRESET + PLY + PLY, 'element: is "kinematic"'),
-    "resin while plies of unlike outlines are formed": (
-        PRESET + PLY + PLY.replace('"20 mm"', '"15 mm"') + WET,
-        r"infiltration.with_forming: lets resin flow .* but its plies have unlike outlines",
-    ),
     "resin while plies with a gap are formed": (
         PRESET + PLY + PLY + 'height = "1.3 mm"\n' + WET,
         r'plies\[1\] "ply_2".height: leaves a gap of 0.296 mm to "ply_1"',

@@ -1,0 +1,205 @@
+"""Stages of a process in which a resin flows while the sheet is formed, on both clocks.
+
+Forming is computed in less time than the process takes, and resin flows in real time: each stage
+has a pace between the two. A stage that ends at rest takes a time that is none of the real process,
+and so none for the resin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+from lcmchain.quantities.entry_types import wrong
+
+
+class ResinStage(NamedTuple):
+    """A stage on both clocks.
+
+    name : of the stage. start, end : [s] of the process.
+    resin_start, resin_end : [s] of the resin; the same where none flows.
+    """
+
+    name: str
+    start: float
+    end: float
+    resin_start: float
+    resin_end: float
+
+    @property
+    def flows(self) -> bool:
+        """Whether resin flows in it."""
+        return self.resin_end > self.resin_start
+
+    @property
+    def pace(self) -> float:
+        """How much the clock of the resin runs faster than that of the process."""
+        return (self.resin_end - self.resin_start) / (self.end - self.start)
+
+
+def resin_stages(scene: Any) -> tuple[ResinStage, ...]:
+    """Return the stages of a process in which resin flows; none of one without stages."""
+    return _resin_stages(scene, scene.process.time) if scene.stages else ()
+
+
+def _resin_stages(scene: Any, time: float) -> tuple[ResinStage, ...]:
+    """Return the stages of a process that takes a time [s].
+
+    Raises
+    ------
+    PydanticCustomError : the stages' own times of the resin do not fit to that of the infiltration.
+    """
+    ends = list(accumulate(stage.time for stage in scene.stages))
+    own_ends = list(accumulate(_resin_times(scene)))
+    last = max(number for number, stage in enumerate(scene.stages) if not stage.rest)
+    ends[-1] = time
+    own_ends[last:] = [scene.infiltration.time] * (len(ends) - last)
+    return tuple(
+        ResinStage(stage.name, *times)
+        for stage, *times in zip(
+            scene.stages, [0.0, *ends], ends, [0.0, *own_ends], own_ends, strict=False
+        )
+    )
+
+
+def _resin_times(scene: Any) -> list[float]:
+    """Return what every stage takes for the resin [s]; 0 where none flows."""
+    case, stages = scene.infiltration, scene.stages
+    given = math.fsum(stage.resin_time or 0.0 for stage in stages)
+    sharing = [stage for stage in stages if not stage.rest and stage.resin_time is None]
+    left = case.time - given
+    if not sharing and abs(left) > 1e-9 * case.time:
+        raise wrong(
+            f"is {case.time:g} s, but the stages take {given:g} s by their resin_time; give the "
+            "same, or leave out the resin_time of one of them",
+            field="infiltration.time",
+        )
+    if sharing and left <= 1e-9 * case.time:
+        raise wrong(
+            f"is {case.time:g} s, but other stages take {given:g} s by their resin_time, and "
+            f'nothing is left for the stage "{sharing[0].name}"; give a longer time, or its own '
+            "resin_time",
+            field="infiltration.time",
+        )
+    whole = math.fsum(stage.time for stage in sharing)
+    return [
+        0.0 if stage.rest else stage.resin_time or left * (stage.time / whole) for stage in stages
+    ]
+
+
+def require_resin(scene: Any) -> None:
+    """Refuse times of a resin that does not flow, and a process in which none can."""
+    wet = scene.wet_forming is not None
+    for number, stage in enumerate(scene.stages):
+        if stage.resin_time is None:
+            continue
+        key = f'stages[{number}] "{stage.name}".resin_time'
+        if not wet:
+            raise wrong(
+                "belongs to a resin that flows while the sheet is formed; give "
+                "[infiltration.with_forming], or leave it out",
+                field=key,
+            )
+        if stage.rest:
+            raise wrong(
+                "stands beside rest = true: the time until rest is none of the real process, and "
+                "no resin flows in it; leave one of them out",
+                field=key,
+            )
+    if wet and all(stage.rest for stage in scene.stages):
+        raise wrong(
+            "lets resin flow while the sheet is formed, but all stages end at rest, in which none "
+            "flows; give a stage mass_damping instead of rest = true",
+            field="infiltration.with_forming",
+        )
+    if not wet:
+        require_no_places_of_stages(scene)
+
+
+# --- gates and vents of stages --------------------------------------------------------------------
+
+
+def _places(scene: Any) -> Iterator[tuple[str, int, Any]]:
+    """Yield list, number and entry of the gates and vents that name stages."""
+    for name in ("gates", "vents") if scene.infiltration is not None else ():
+        for number, place in enumerate(getattr(scene.infiltration, name)):
+            if place.stages is not None:
+                yield name, number, place
+
+
+def require_no_places_of_stages(scene: Any) -> None:
+    """Refuse gates and vents of stages where no resin flows in stages."""
+    for name, number, place in _places(scene):
+        raise wrong(
+            f'names "{place.stages[0]}", but no resin flows in stages of the process; leave it '
+            "out, or give [infiltration.with_forming] and [[stages]]",
+            field=f'infiltration.{name}[{number}] "{place.name}".stages',
+        )
+
+
+def with_places_of_stages(scene: Any, time: float) -> dict[str, Any]:
+    """Return the infiltration with the times of its gates and vents on the clock of the resin.
+
+    Those that name stages count their times from when the first of them begins, and are closed
+    when the last one ends.
+
+    Parameters
+    ----------
+    scene : whose stages have their times. time : of the process [s].
+
+    Raises
+    ------
+    PydanticCustomError : stages that are not there, or do not follow one another; times of the
+        resin that do not fit together.
+    """
+    if scene.wet_forming is None:
+        return {}
+    case, stages = scene.infiltration, _resin_stages(scene, time)
+    found: dict[str, list[Any]] = {name: list(getattr(case, name)) for name in ("gates", "vents")}
+    for name, number, place in _places(scene):
+        key = f'infiltration.{name}[{number}] "{place.name}".stages'
+        found[name][number] = _on_the_clock(place, stages, key)
+    return {"infiltration": case.model_copy(update={n: tuple(p) for n, p in found.items()})}
+
+
+def _on_the_clock(place: Any, stages: Sequence[ResinStage], key: str) -> Any:
+    """Return a gate or vent whose times count from the start of the infiltration."""
+    names = [stage.name for stage in stages]
+    for name in place.stages:
+        if name not in names:
+            raise wrong(
+                f'names "{name}", but there is no stage of this name; there is {", ".join(names)}',
+                field=key,
+            )
+    own = sorted(names.index(name) for name in place.stages)
+    flowing = [number for number, stage in enumerate(stages) if stage.flows]
+    first, last = own[0], own[-1]
+    if not any(number in flowing for number in own):
+        raise wrong(
+            f'names "{names[first]}", which ends at rest: no resin flows in it; name another stage',
+            field=key,
+        )
+    for number in flowing:
+        if first < number < last and number not in own:
+            raise wrong(
+                f'leaves out "{names[number]}", which lies between the others; name stages that '
+                "follow one another, or give a second entry",
+                field=key,
+            )
+    start, end = stages[first].resin_start, stages[last].resin_end
+    closes = math.inf if place.closes is None else start + place.closes
+    times = getattr(place, "times", None)
+    changed: dict[str, Any] = {"opens": start + place.opens}
+    if closes < end or last < flowing[-1]:
+        changed["closes"] = min(closes, end)
+    if times is not None:
+        changed["times"] = tuple(start + time for time in times)
+    if not changed["opens"] < end:
+        raise wrong(
+            f"ends {end - start:g} s after it begins, but it opens at {place.opens:g} s; times "
+            "count from there",
+            field=key,
+        )
+    return place.model_copy(update=changed)
