@@ -193,7 +193,7 @@ def _take_overloads_for_parts() -> None:
         decorator = decorator_for(self)
         return _overload_part if decorator is jit else decorator
 
-    _OverloadFunctionTemplate._get_jit_decorator = part_for
+    _OverloadFunctionTemplate._get_jit_decorator = part_for  # type: ignore[method-assign]
 
 
 def _overload_part(**options: Any) -> Callable[..., Any]:
