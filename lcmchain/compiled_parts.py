@@ -20,11 +20,12 @@ from types import FunctionType
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba import njit
+from numba import config, jit, njit
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.registry import CPUDispatcher
+from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.np.ufunc import parallel
 
 PART = "part"  # kind of what is kept on disk, beside numba's own
@@ -100,6 +101,8 @@ class PartDispatcher(CPUDispatcher):
 
 #: Options that ``njit`` sets by itself.
 NUMBAS_OWN = ("nopython", "boundscheck")
+#: Options of ``jit`` that say more than how a function is compiled.
+NOT_OF_PARTS = {"cache", "forceobj", "locals", "pipeline_class", "target", "_target"}
 
 
 def part(function: Callable[..., Any], **options: Any) -> PartDispatcher:
@@ -150,6 +153,7 @@ def know_parts() -> None:
     CPUContext.get_executable = executable_of_part  # type: ignore[method-assign]
     JITCPUCodegen.set_env = set_env_where_it_is  # type: ignore[method-assign]
     _take_loops_for_parts()
+    _take_overloads_for_parts()
 
 
 def _take_loops_for_parts() -> None:
@@ -175,3 +179,26 @@ def _take_loops_for_parts() -> None:
 
     JITCPUCodegen.create_library = create_part  # type: ignore[method-assign]
     parallel.build_gufunc_wrapper = wrap_as_part
+
+
+def _take_overloads_for_parts() -> None:
+    """Make parts of the functions that stand in compiled code for those of Python and NumPy.
+
+    ``min``, ``np.empty`` and what answers by class (:mod:`lcmchain.dispatch`) have no address that
+    anyone asks for: numba gives them out to the code that calls them alone.
+    """
+    decorator_for = _OverloadFunctionTemplate._get_jit_decorator
+
+    def part_for(self: Any) -> Any:
+        decorator = decorator_for(self)
+        return _overload_part if decorator is jit else decorator
+
+    _OverloadFunctionTemplate._get_jit_decorator = part_for  # type: ignore[method-assign]
+
+
+def _overload_part(**options: Any) -> Callable[..., Any]:
+    """Stand for ``jit`` with these options."""
+    if set(options) & NOT_OF_PARTS or config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return jit(**options)
+    options = {"nopython": True, "boundscheck": None, **options}
+    return lambda function: PartDispatcher(function, targetoptions=options)

@@ -34,11 +34,13 @@ def optional(stub: Callable[..., Any]) -> Callable[..., Any]:
 def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
     """Register the decorated compiled function as the answer of a class.
 
+    One that only hands on what it is given to a kernel needs no compiler where Python asks, and
+    may be a plain function; where compiled code asks it is compiled as all others.
     Code outside this package gets compiled kernels of its own on disk, keyed by its file.
     """
 
     def register(dispatcher):
-        python_function = dispatcher.py_func
+        python_function = getattr(dispatcher, "py_func", dispatcher)
         wanted = list(inspect.signature(function).parameters)
         found = list(inspect.signature(python_function).parameters)
         if len(found) != len(wanted):

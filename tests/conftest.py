@@ -7,6 +7,7 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -29,6 +30,30 @@ def manual_table():
         return [[cell.strip().replace("\\|", "|") for cell in row] for row in cells]
 
     return rows
+
+
+@pytest.fixture(scope="session")
+def references():
+    """Count who holds the arrays that the loop of a simulation takes: none more after a step.
+
+    The loop hands them on without counting references.
+    """
+
+    def arrays_in(values):
+        if isinstance(values, np.ndarray):
+            yield values
+        elif isinstance(values, tuple):
+            for value in values:
+                yield from arrays_in(value)
+
+    def count(simulation):
+        model = simulation.model
+        placed = tuple(body.data for body in model.placed)
+        arrays = list(arrays_in((simulation.arrays, model.interactions, placed)))
+        assert len(arrays) > 50
+        return [sys.getrefcount(array) for array in arrays]
+
+    return count
 
 
 @pytest.fixture

@@ -94,18 +94,13 @@ def fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
     model, history = simulation.model, simulation.state.history.copy()
     corner = np.zeros(model.corner_force_size)
     for body in model.placed:
-        _forces(
+        internal_forces(
             body.data,
             np.ascontiguousarray(position),
             corner[body.first_force : body.last_force],
             history[body.first_history : body.last_history],
         )
     return -_on_nodes(model, corner)
-
-
-@routine
-def _forces(data, position, corner_force, history):
-    internal_forces(data, position, corner_force, history)
 
 
 def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ from lcmchain.elements.pressed_elements import (
     store_corner,
 )
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, routine
+from lcmchain.jit import equation, kernel, uncounted_routine
 from lcmchain.mesh.where import Where
 from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
@@ -237,7 +237,7 @@ def add_face_load(load, lane, first, p, b):
     store_corner(load, lane, first + 3, plus(-1.0, apart, mean))
 
 
-@routine
+@uncounted_routine
 def face_pressures(table, time):
     """Return the pressures on the bottom and the top face at a time [Pa]."""
     count = table.times.size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from lcmchain.jit import kernel, routine, span_routine
+from lcmchain.jit import kernel, span_routine, uncounted_routine
 from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, span_distances
 from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK
 
@@ -32,7 +32,7 @@ def mark_near_nodes(arrays, tools, tool, reach, first, last, work):
             near[begin + i] = 1 if work[GAP * SPAN + i] < reach else 0
 
 
-@routine
+@uncounted_routine
 def find_near_spans(near, chunk_start, near_span):
     """Mark the spans of nodes of which one is near, ``near_span`` (tool_count, span_count).
 

@@ -10,7 +10,7 @@ import numpy as np
 from lcmchain.dispatch import implements
 from lcmchain.effects.grippers import LEAST_DISTANCE, GripperTable, omega2_of_grippers
 from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound, on_nodes
-from lcmchain.jit import equation, routine
+from lcmchain.jit import equation, routine, uncounted_routine
 from lcmchain.state import EXTERNAL, PACE, TIME, State
 from lcmchain.tools.motion.smooth_step import smooth_step
 
@@ -89,7 +89,7 @@ def pulls_of_chunk(grippers, arrays, environment, chunk, first, last, dt_last, d
     add_pulls(grippers, arrays, chunk)
 
 
-@routine
+@uncounted_routine
 def add_pulls(grippers, arrays, chunk):
     """Add to the nodes of a chunk their shares in the forces of the grippers."""
     for k in range(grippers.chunk_start[chunk], grippers.chunk_start[chunk + 1]):

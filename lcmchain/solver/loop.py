@@ -38,12 +38,12 @@ from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
 from lcmchain.elements.solid_shell.together import kinds_of, put_together
 from lcmchain.jit import (
-    entry,
     equation,
     kernel_part,
     ordered_span_routine,
-    routine,
     span_routine,
+    uncounted_entry,
+    uncounted_routine,
 )
 from lcmchain.materials.law import Step
 from lcmchain.model import Model, NodeData, PlacedBody
@@ -74,7 +74,7 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 )
 
 
-@entry
+@uncounted_entry
 def advance(arrays, bodies, fibre_bending, interactions, environment, averaging, step_count, dt):
     """Make ``step_count`` steps of size ``dt`` [s] of the sheets' time.
 
@@ -177,7 +177,7 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
     return tuple(bodies), bending
 
 
-@routine
+@uncounted_routine
 def move_body(
     arrays,
     placed,
@@ -266,7 +266,7 @@ def move_nodes(
         )
 
 
-@routine
+@uncounted_routine
 def move_chunk(arrays, force_slot, acting, environment, averaging, chunk, dt_last, dt, work):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
     first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
@@ -365,7 +365,7 @@ def make_parts(
                 )
 
 
-@routine
+@uncounted_routine
 def bend_fibres(arrays, schedule, data, tile, near):
     """Make what the fibres' bending has to do behind a tile of elements."""
     middle, vector, force = arrays.bending_middle, arrays.bending_vector, arrays.corner_force
@@ -444,7 +444,7 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
         sums[EXTERNAL] += weight
 
 
-@routine
+@uncounted_routine
 def add_chunk_sums(arrays):
     """Reduce the sums of the chunks, in their order."""
     work, sums, tool_force = arrays.work, arrays.chunk_sums, arrays.tool_force

@@ -17,7 +17,7 @@ from lcmchain.interfaces.forces import STEPS_LEFT, add_ply_forces, forces_of_poi
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.surfaces import InterfaceData, PlyContact
-from lcmchain.jit import equation, routine
+from lcmchain.jit import equation, uncounted_routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
 
 
@@ -33,7 +33,7 @@ def press_plies(plies, arrays, dt_last, dt):
     move_plies(plies, arrays, dt_last, dt)
 
 
-@routine
+@uncounted_routine
 def move_plies(plies, arrays, dt_last, dt):
     """Make the forces of all points between plies, on springs that are renewed when it is time."""
     if arrays.ply_counters[STEPS_LEFT] <= 0:

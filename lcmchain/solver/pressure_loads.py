@@ -32,7 +32,7 @@ from lcmchain.effects.pressures import (
 from lcmchain.effects.regional_pressure import RegionalPressure, present_pressures, regional_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
-from lcmchain.jit import equation, routine, span_routine
+from lcmchain.jit import equation, routine, span_routine, uncounted_routine
 from lcmchain.state import EXTERNAL, TIME, State
 
 
@@ -74,7 +74,7 @@ def make_column_and_face_loads(pressures, arrays, dt_last, dt):
     add_face_loads(pressures.face, arrays, True)
 
 
-@routine
+@uncounted_routine
 def add_column_loads(pore, columns, arrays, dt):
     """Write the loads of the pressures in the columns of a stack, and move these on."""
     load = arrays.corner_load
@@ -83,7 +83,7 @@ def add_column_loads(pore, columns, arrays, dt):
     scale_loads(columns, columns.drop, arrays.pore_pressure, arrays.pore_rate, dt, load)
 
 
-@routine
+@uncounted_routine
 def add_pore_loads(pore, arrays, dt):
     """Write the loads of the pressures in the pores, and move these on."""
     pore_forces(
@@ -111,7 +111,7 @@ def add_regional_loads(face, arrays, added):
 
 
 @implements(add_face_loads, FacePressure)
-@routine
+@uncounted_routine
 def add_outer_face_loads(face, arrays, added):
     bottom, top = face_pressures(face, arrays.clock[TIME])
     face_forces(face.elements, arrays.position, bottom, top, added, arrays.corner_load)

@@ -10,7 +10,7 @@ import numpy as np
 from lcmchain.dispatch import implements
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
-from lcmchain.jit import equation, routine
+from lcmchain.jit import equation, uncounted_routine
 from lcmchain.solver.contact_search import find_near_spans
 from lcmchain.state import (
     EXTERNAL,
@@ -39,7 +39,7 @@ def load_and_move_tools(tools, arrays, environment, dt_last, dt):
     move_tools(arrays, tools, arrays.clock[TIME], dt_last, dt)
 
 
-@routine
+@uncounted_routine
 def add_tool_loads(arrays, time, dt_last, dt):
     """Sum the impulses [N s] of the tool forces, and keep the largest force of a step [N].
 
@@ -58,7 +58,7 @@ def add_tool_loads(arrays, time, dt_last, dt):
             peak[PEAK_TIME] = time
 
 
-@routine
+@uncounted_routine
 def move_tools(arrays, tools, time, dt_last, dt):
     """Update the travel of every tool: as prescribed, as driven, or by its equation of motion."""
     work, pace = arrays.work, arrays.clock[PACE]

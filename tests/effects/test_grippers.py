@@ -81,6 +81,13 @@ def test_a_spring_in_series_with_a_strip():
     assert force[0] == pytest.approx(5.0 - 5e3 * travel, rel=1e-12)
 
 
+def test_the_loop_with_grippers_holds_no_array_after_its_steps(references):
+    simulation = run(DAMPED)
+    before = references(simulation)
+    simulation.make_steps(5, 1e-8)
+    assert references(simulation) == before
+
+
 def test_its_force_is_limited_and_never_pushes():
     limited = run(DAMPED, 'grippers.pull.largest_force="8 N"')
     assert limited.state.gripper_force[0, 0] == 8.0

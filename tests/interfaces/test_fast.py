@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stacks import T, ply, scene_of, stack
+from stacks import ALL, T, ply, scene_of, stack
+
+from lcmchain.interfaces.table import Interface
 
 
 def nodes_of(body):
@@ -15,7 +17,7 @@ def thrown(heights, speeds):
     """Plies of 16 elements above each other at heights [mm]; their speeds upwards [m/s]."""
     fastest = max(abs(speed) for speed in speeds)
     plies = [ply(f"ply {i}", z=height) for i, height in enumerate(heights)]
-    sim = stack(plies, scene_of(time=max(heights) / fastest + 1.0))
+    sim = stack(plies, scene_of(time=max(heights) / fastest + 1.0), ALL, Interface())
     velocity = np.zeros_like(sim.state.velocity)
     for body, speed in zip(sim.model.bodies, speeds, strict=True):
         velocity[2, nodes_of(body)] = speed

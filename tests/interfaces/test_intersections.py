@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stacks import T, ply, stack
+from stacks import ALL, T, ply, stack
 
 from lcmchain.interfaces.table import Interface
 from lcmchain.scene import scene_from_text
@@ -14,7 +14,7 @@ ipctk = pytest.importorskip("ipctk")
 # A punch of 15 mm presses both plies 10 mm deep through a hole.
 SCENE = f"""
 process = {{ time = "20 ms", mass_damping = "200 1/s" }}
-contact = {{ friction = 0.157 }}
+contact = {{ friction = 0.157, depth = "zero" }}
 blank = {{ size = ["50 mm", "50 mm"], edge_length = "2.5 mm" }}
 material = {{ preset = "MD600" }}
 [[tools]]
@@ -36,7 +36,7 @@ def formed():
         ply("lower", width=50.0, height=50.0, edge=2.5, z=0.5 * T),
         ply("upper", width=50.0, height=50.0, edge=3.0, z=1.5 * T),
     ]
-    sim = stack(plies, scene_from_text(SCENE), Interface(friction=0.2))
+    sim = stack(plies, scene_from_text(SCENE), ALL, Interface(friction=0.2))
     sim.advance_to(20e-3)
     found = []
     for body in sim.model.bodies:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stacks import T, inner, ply, scene_of, stack, thickness
+from stacks import ALL, T, inner, ply, scene_of, stack, thickness
 
 from lcmchain.effects.contact_depth import nominal_pressure
+from lcmchain.interfaces.table import Interface
 
 MESHES = [
-    {"edge": 5.0, "angle": 0.0},
     {"edge": 4.0, "angle": 30.0},
+    {"edge": 5.0, "angle": 0.0},
     {"edge": 6.0, "angle": 45.0},
     {"edge": 5.0, "angle": -20.0},
 ]
@@ -25,7 +26,7 @@ def pressed(count, part):
         ply(f"ply {i}", width=WIDTH, height=HEIGHT, z=(i + 0.5) * T, **MESHES[i])
         for i in range(count)
     ]
-    sim = stack(plies, scene_of(**entries))
+    sim = stack(plies, scene_of(**entries), ALL, Interface())
     sim.advance_to(10e-3)
     return sim
 

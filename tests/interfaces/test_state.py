@@ -9,7 +9,7 @@ from stacks import ALL, MU, T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
 from lcmchain.errors import SimulationError
-from lcmchain.interfaces.forces import TOO_DEEP
+from lcmchain.interfaces.forces import REFRESHES, TOO_DEEP
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.rows import SPRING_ROWS
@@ -46,6 +46,17 @@ def test_a_saved_stack_goes_on_as_if_nothing_had_happened(halfway):
     again.make_steps(233, 1e-6)
     assert_identical(again.state, sim.state)
     assert (of_points(sim, SPRING_ROWS) != 0.0).any()  # the anchor of friction
+
+
+def test_the_loop_of_a_stack_holds_no_array_after_its_steps(halfway, references):
+    """Also where springs are renewed on the way."""
+    sim = Simulation(halfway[1].model)
+    sim.restore(halfway[0])
+    sim.make_steps(1, 1e-6)  # which orders the bodies
+    before, renewed = references(sim), int(sim.state.ply_counters[REFRESHES])
+    sim.make_steps(120, 1e-6)
+    assert sim.state.ply_counters[REFRESHES] > renewed
+    assert references(sim) == before
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")

@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MUTANTS = Path(__file__).with_name("mutants.toml")
 # Folders of the checkout that are packages inside lcmchain once installed.
 OUTER = ("mapping", "coupling", "fmu")
-DECORATORS = r"njit|entry|overload|vectorize|\w*(kernel|routine|equation|span_part|kernel_part)"
+DECORATORS = r"njit|\w*entry|overload|vectorize|\w*(kernel|routine|equation|span_part|kernel_part)"
 COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
 HEAD = """# Mutation study
 

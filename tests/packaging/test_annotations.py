@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(
 # lcmchain/dispatch.py and numba's own).
 COMPILED = {
     "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine",
-    "inlined_routine", "kernel_part", "unrolled",
+    "inlined_routine", "uncounted_routine", "uncounted_entry", "kernel_part", "unrolled",
     "entry", "kernel", "implements", "required", "optional", "njit", "overload", "intrinsic",
 }  # fmt: skip
 

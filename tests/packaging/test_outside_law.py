@@ -44,8 +44,8 @@ X = make.CUBE * np.array([2.5e-3, 2.5e-3, 0.5e-3])
 model = make.separate_elements(X[None], np.array([[1.0, 0.0, 0.0]]), material, ElementOptions())
 x = X * np.array([1.01, 1.0, 1.0])
 force = make.corner_forces(model, make.positions_of(x[None]))
-from lcmchain.elements.solid_shell.kernel import solid_shell_forces
-stats = solid_shell_forces.stats
+from lcmchain.elements.solid_shell.kernel import element_forces
+stats = element_forces.stats
 print(json.dumps([float(force[0, 1, 0]), len(stats.cache_hits), len(stats.cache_misses)]))
 """
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import float64, guvectorize, njit, prange
 from numba.core.codegen import JITCodeLibrary
+from numba.extending import overload
 
 from lcmchain.compiled_parts import PartDispatcher, PartLibrary
 from lcmchain.jit import entry, equation, routine
@@ -121,6 +122,24 @@ def test_bodies_of_parallel_loops_are_compiled_in_their_kernel_alone(machine_cod
     assert [name for name in machine_code if "gufunc" in name.lower()] == []
     assert any("roots" in name for name in machine_code)
     assert optimised and [name for name in optimised if "gufunc" in name.lower()] == []
+
+
+def halved(x):
+    return 0.5 * x
+
+
+@overload(halved)
+def choose_halved(x):
+    return lambda x: 0.5 * x
+
+
+def test_what_stands_for_a_function_in_compiled_code_has_no_code_of_its_own(machine_code):
+    @njit
+    def at_least_one(x):
+        return max(halved(x), 1.0)
+
+    assert at_least_one(5.0) == 2.5 and at_least_one(1.5) == 1.0
+    assert len(machine_code) == 1 and "at_least_one" in machine_code[0]
 
 
 def test_loops_of_compiled_code_alone_are_parts():

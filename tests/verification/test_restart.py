@@ -136,6 +136,7 @@ title = "press"
 process = { time = "20 ms", frames = 11 }
 output = { pictures = false, vtu = false }
 element = { compaction_strain = "director" }
+contact = { depth = "free" }
 material = { preset = "MD600" }
 blank = { size = ["60 mm", "60 mm"], edge_length = "5 mm", height = "0.502 mm" }
 

@@ -22,7 +22,7 @@ from lcmchain.elements.membrane_shell.equations import (
 )
 from lcmchain.elements.membrane_shell.patch import CORNERS, PATCH_NODES, TriangleGeometry
 from lcmchain.elements.vectors import combination2, cross, dot
-from lcmchain.jit import entry, equation, kernel, routine
+from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import plane_bending_stiffness, plane_response
 
 FORCE_ROWS = 3 * PATCH_NODES
@@ -142,7 +142,6 @@ def gather_patches(positions, nodes, x):
 
 
 @implements(internal_forces, MembraneShellData)
-@entry
 def membrane_shell_forces(body, positions, node_force, history):
     """Write the internal forces of all triangles of a body on the nodes of their patches.
 

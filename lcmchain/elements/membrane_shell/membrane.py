@@ -27,7 +27,7 @@ from lcmchain.elements.membrane_shell.kernel import (
 )
 from lcmchain.elements.membrane_shell.patch import CORNERS, TriangleGeometry
 from lcmchain.elements.vectors import combination2, cross, dot
-from lcmchain.jit import entry, equation, kernel, routine
+from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import plane_response
 
 FORCE_ROWS = 3 * CORNERS
@@ -106,7 +106,6 @@ def gather_corners(positions, nodes, x):
 
 
 @implements(internal_forces, MembraneData)
-@entry
 def membrane_forces(body, positions, node_force, history):
     """Write the internal forces of all triangles of a body on their corners.
 

@@ -50,7 +50,7 @@ from lcmchain.elements.solid_shell.equations import (
     thickness_resultants,
     unit_in_plane_shear,
 )
-from lcmchain.jit import INLINED, entry, equation, kernel, routine
+from lcmchain.jit import INLINED, equation, kernel, routine
 from lcmchain.materials.law import (
     Step,
     bending_stiffness,
@@ -825,7 +825,6 @@ def element_in_lane(i, corner, data, law, history, shared, options, step):
 
 
 @implements(internal_forces, SolidShellData)
-@entry
 def solid_shell_forces(body, positions, corner_force, history):
     """Write the internal forces of all elements of a body, and move its history on.
 

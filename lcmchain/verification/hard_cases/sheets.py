@@ -18,7 +18,8 @@ from lcmchain.tools import build_tool_table
 from lcmchain.tools.motion import smooth_step
 
 MD600 = 'preset = "MD600"'
-# Sheets without supports get one that holds nothing: the same compiled loop serves all cases.
+# Where nothing else holds sheets, one support does that holds nothing: the loop of a sheet with
+# tools is that of any scene, and all others share one.
 HOLDS_NOTHING = (Support("nothing", np.array([0]), components=""),)
 
 
@@ -50,6 +51,9 @@ def simulation(
     if shape is not None:
         blank = replace(blank, node_positions=shape(blank.node_positions))
     mesh = family_of(scene.element).mesh_of(blank)
+    held: Sequence[Support] = () if scene.tools else HOLDS_NOTHING
+    if supports is not None:
+        held = supports(mesh.node_positions)
     model = assemble_model(
         mesh,
         material,
@@ -60,7 +64,7 @@ def simulation(
         tool_names=tuple(tool.name for tool in scene.tools),
         contact=scene.contact,
         process=scene.process,
-        supports=supports(mesh.node_positions) if supports else HOLDS_NOTHING,
+        supports=held,
     )
     return Simulation(
         replace(
