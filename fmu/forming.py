@@ -50,6 +50,7 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.state import STOPPED_TIME
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
@@ -298,7 +299,9 @@ class FormingPart(Part):
                 velocity = (position - state.tool_travel[index]) / size
             state.driven[index] = int(bool(drive or to_position))
             state.tool_input[index] = velocity, force
-            if not state.driven[index] and model.tools.motion_kind[index] == PRESCRIBED:
+            stopped = state.tool_stopped[index, model.stage, STOPPED_TIME] <= state.time
+            led = model.tools.motion_kind[index] == PRESCRIBED and not stopped
+            if not state.driven[index] and led:
                 self._require_no_jump(index, tool)
 
     def _require_no_jump(self, index: int, tool: str) -> None:

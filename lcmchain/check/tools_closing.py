@@ -27,7 +27,8 @@ from lcmchain.tools.closest_gap import (
     side_of_sheet,
     times_of_motion,
 )
-from lcmchain.tools.motion import GUIDED, prescribed_travel
+from lcmchain.tools.motion import prescribed_travel
+from lcmchain.tools.table import yields
 
 #: Gap in parts of the thickness below which no sheet fits between two tools.
 LEAST_GAP = 0.5
@@ -59,11 +60,11 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     """Return the pairs of tools that have the sheet between them, with their gaps over the process.
 
     Only over the blank as it lies at the start, and of tools that a stroke or a table drives: how
-    far a guided one goes is not known beforehand. Two tools on the same side of the blank have no
-    sheet between them, and two that rest keep the gap that they have at the start.
+    far one goes that a force guides or stops is not known beforehand. Two tools on the same side of
+    the blank have no sheet between them, and two that rest keep their gap of the start.
     """
     tools = model.tools
-    led = [k for k in range(len(scene.tools)) if tools.motion_kind[k] != GUIDED]
+    led = np.flatnonzero(~yields(tools)).tolist()
     sides = {k: side_of_sheet(tools, k, blanks) for k in led}
     places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []

@@ -23,9 +23,9 @@ from lcmchain.errors import InputError
 from lcmchain.jit import routine
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
-from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.table import ToolTable
+from lcmchain.tools.table import ToolTable, yields
 
 #: Who asks for the one sheet of a scene.
 ASKER = "kinematic draping"
@@ -137,10 +137,11 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
     name = scene.draping.surface
     if name is not None:
         tool = _tool_named(scene, name)
-        if tools.motion_kind[tool] == GUIDED:
+        if yields(tools)[tool]:
             raise InputError(
-                f'"{name}" moves under a load, so that its place at the end is not known before a '
-                "simulation; name a tool that is fixed or has a stroke",
+                f'"{name}" moves under a load, or until a force stops it, so that its place '
+                "at the end is not known before a simulation; name a tool that is fixed or has a "
+                "stroke",
                 key="draping.surface",
             )
         return DrapedSurface(

@@ -179,6 +179,7 @@ class Gripper(NamedPlace):
             )
         if isinstance(self.motion, GuidedMotion):
             raise wrong("is guided; a gripper is led by a stroke or a table", field="motion.type")
+        require_no_force(self.motion, "motion")
         if self.motion.moves and hold != "xyz":
             raise wrong(f'leads the place, but hold is "{hold}"; give "xyz"', field="motion")
 
@@ -246,6 +247,15 @@ class Grip:
             motion,
             release_time=_or_never(self.settings.release_time),
             release_force=_or_never(self.settings.release_force),
+        )
+
+
+def require_no_force(motion: Any, key: str) -> None:
+    """Refuse a motion of a gripper that a force ends; the error names the key."""
+    if getattr(motion, "until_force", None) is not None:
+        raise wrong(
+            "belongs to the stroke of a tool; a gripper lets go by release_force",
+            field=f"{key}.until_force",
         )
 
 

@@ -34,6 +34,8 @@ def active(model: Any) -> list[Effect]:
         if tools.motion_kind[tool] == GUIDED:
             load = tools.force[tool] + tools.mass[tool] * tools.gravity_along[tool]
             reason = f"{tools.mass[tool]:g} kg under {load:.4g} N along its direction"
+            if np.isfinite(tools.stop[tool]):
+                reason += f", up to a stop at {1e3 * abs(tools.stop[tool]):.4g} mm"
             found.append(Effect(f"guided tool {name}", True, reason))
         elif tools.motion_kind[tool] == PRESCRIBED:
             times = np.linspace(0.0, model.process_time, 101)
@@ -43,5 +45,7 @@ def active(model: Any) -> list[Effect]:
             low, high = travel.min(), travel.max()
             if low < min(travel[0], travel[-1]) or high > max(travel[0], travel[-1]):
                 reason = f"between {1e3 * low:.4g} and {1e3 * high:.4g} mm, {reason}"
+            if np.isfinite(tools.until_force[tool]):
+                reason += f", or until a force of {tools.until_force[tool]:.4g} N"
             found.append(Effect(f"prescribed motion of {name}", moving.size > 0, reason))
     return found

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.fields.tool_stops import has_stops
 from lcmchain.solver.histories import let_go_times
 from lcmchain.state import SAMPLE_COLUMNS, SAMPLED_ENERGIES, SAMPLES, TOOL_SAMPLE_COLUMNS
 
@@ -29,6 +30,8 @@ class Histories:
         impulse divided by its length.
     tool_peak_force : largest magnitude of that force in a step of the interval [N], shape (H, T).
     tool_peak_time : of that step [s], shape (H, T).
+    tool_stop_force : of each tool on its stop along its travel [N], shape (H, T), the mean over the
+        interval; None where no tool has one.
     tool_work : of each tool on the sheets since the start [J], shape (H, T).
     gripper_force : of each gripper on the sheets [N], shape (H, G, 3), the mean over the interval.
     gripper_travel : of the place that each grips [m], shape (H, G, 3).
@@ -43,6 +46,7 @@ class Histories:
     tool_force: np.ndarray
     tool_peak_force: np.ndarray
     tool_peak_time: np.ndarray
+    tool_stop_force: np.ndarray | None
     tool_work: np.ndarray
     gripper_force: np.ndarray
     gripper_travel: np.ndarray
@@ -68,6 +72,7 @@ class Histories:
         of_grips = rows[:, end:].reshape(len(rows), len(model.grips), 2, 3)
         middle = common["time"] - 0.5 * common["last_step"]
         length = np.diff(middle, prepend=0.0)[:, None, None]
+        stop = np.diff(tools["stop_impulse"], axis=0, prepend=0.0) / length[:, 0]
         energies = set(SAMPLED_ENERGIES)
         if not model.history_size:
             energies.discard("inelastic")
@@ -80,6 +85,7 @@ class Histories:
             tool_force=np.diff(impulse, axis=0, prepend=0.0) / length,
             tool_peak_force=tools["peak_force"],
             tool_peak_time=tools["peak_time"],
+            tool_stop_force=stop if has_stops(model.whole) else None,
             tool_work=tools["work"],
             gripper_force=np.diff(of_grips[:, :, 0], axis=0, prepend=0.0) / length,
             gripper_travel=of_grips[:, :, 1].copy(),

@@ -60,6 +60,14 @@ _FIELDS = (
         "along its direction, since the start",
     ),
     Field(
+        "history_tool_stop_force",
+        "N",
+        "mean force of the tool on its stop",
+        _HISTORY,
+        "along the direction of its travel, mean over the interval that ends here; only where a "
+        "guided tool has a stop",
+    ),
+    Field(
         "history_tool_work",
         "J",
         "work of the tool on the sheets",
@@ -150,6 +158,8 @@ def _of_histories(histories: Histories) -> dict[str, Variable]:
         "history_tool_travel": histories.tool_travel,
         "history_tool_work": histories.tool_work,
     }
+    if histories.tool_stop_force is not None:
+        of_tools["history_tool_stop_force"] = histories.tool_stop_force
     of_grippers: dict[str, np.ndarray] = {}
     if histories.gripper_names:
         names = np.array(histories.gripper_names, dtype=str)

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 from pydantic_core import PydanticCustomError
 
+from lcmchain.effects.grippers import require_no_force
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Name,
@@ -402,6 +403,7 @@ def _require_led(gripper: Any, stage: Stage, key: str) -> None:
         )
     if motion.kind == GUIDED:
         raise wrong("is guided; a gripper is led by a stroke or a table", field=f"{key}.type")
+    require_no_force(motion, key)
     if motion.moves and gripper.hold != "xyz":
         raise wrong(f'leads the gripper "{gripper.name}"; give it hold = "xyz"', field=key)
 
@@ -508,12 +510,14 @@ def _course(scene: Any, number: int) -> Any:
             gone = travels[-1]
         start += stage.time
     order = [k for k in range(len(times)) if k == 0 or times[k] > times[k - 1] + 1e-12 * start]
-    return TableMotion(
+    course = TableMotion(
         type="table",
         direction=tuple(axis.tolist()),
         times=tuple(times[k] for k in order),
         travel=tuple(travels[k] for k in order),
     )
+    own = [getattr(stage.motions.get(tool.name), "until_force", None) for stage in stages]
+    return course.at_most(min((force for force in own if force is not None), default=math.inf))
 
 
 def _knots(motion: Any, time: float) -> list[float]:

@@ -72,6 +72,7 @@ def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None
             state.tool_work[tool],
             *state.tool_impulse[tool],
             *state.tool_peak[tool],
+            state.tool_stop_impulse[tool],
         )
     first = own + width * state.tool_travel.size
     width = len(GRIPPER_SAMPLE_COLUMNS)

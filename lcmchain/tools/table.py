@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.tools.distance import REVOLVED
 from lcmchain.tools.level_part import COLUMNS, level_part
+from lcmchain.tools.motion import GUIDED
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
 from lcmchain.tools.tool import Tool
 
@@ -36,6 +37,10 @@ class ToolTable(NamedTuple):
     load_start : time [s] at which weight and force of a guided tool begin to come on, shape [T].
     travel_start : travel [m] that prescribed motions count from, shape [T]: 0, or what a tool has
         gone by when a stage begins.
+    stop : travel [m] after ``travel_start`` at which a guided tool is held; its sign is that of the
+        way there; infinite without a stop, shape [T].
+    until_force : force [N] of the sheets against a stroke at which it ends; infinite where none
+        does, shape [T].
     stroke_profile, stroke_distance, stroke_start, stroke_end : kind, travel [m] and times [s] of
         prescribed strokes, shape [T].
     table_start, table_times, table_travels : tabulated motions one after the other; tool t owns
@@ -62,6 +67,8 @@ class ToolTable(NamedTuple):
     ramp: np.ndarray
     load_start: np.ndarray
     travel_start: np.ndarray
+    stop: np.ndarray
+    until_force: np.ndarray
     stroke_profile: np.ndarray
     stroke_distance: np.ndarray
     stroke_start: np.ndarray
@@ -155,6 +162,8 @@ def build_tool_table(
         ramp=column("ramp"),
         load_start=column("load_start"),
         travel_start=column("travel_start"),
+        stop=column("stop"),
+        until_force=column("until_force"),
         stroke_profile=column("stroke_profile", np.int64),
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),
@@ -180,6 +189,14 @@ def build_tool_table(
         coefficients=_joined(parts("coefficients"), np.zeros(0, np.float32)),
         far_bound=_joined(parts("far_bound"), np.zeros(0, np.int8)),
     )
+
+
+def yields(tools: ToolTable) -> np.ndarray:
+    """Return of which tools, shape [T], a force decides how far they go.
+
+    A load guides them, or ends their stroke.
+    """
+    return (tools.motion_kind == GUIDED) | np.isfinite(tools.until_force)
 
 
 def in_frame_of(tool: Tool, axes: np.ndarray, points: np.ndarray) -> np.ndarray:

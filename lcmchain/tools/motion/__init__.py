@@ -19,7 +19,7 @@ from lcmchain.tools.motion.base import (
     ToolMotion,
 )
 from lcmchain.tools.motion.fixed import FixedMotion
-from lcmchain.tools.motion.guided import GuidedMotion, guided_load
+from lcmchain.tools.motion.guided import GuidedMotion, guided_load, way_to_stop
 from lcmchain.tools.motion.smooth_step import smooth_step
 from lcmchain.tools.motion.stroke import StrokeMotion
 from lcmchain.tools.motion.table import TableMotion
@@ -43,4 +43,5 @@ __all__ = [
     "guided_load",
     "prescribed_travel",
     "smooth_step",
+    "way_to_stop",
 ]

@@ -58,6 +58,8 @@ class ToolMotion(SceneModel):
             "gravity_along": 0.0,
             "load_start": 0.0,
             "travel_start": 0.0,
+            "stop": math.inf,
+            "until_force": math.inf,
             "stroke_profile": SMOOTH,
             "stroke_distance": 0.0,
             "stroke_start": 0.0,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Direction,
+    PositiveForce,
     PositiveLength,
     PositiveTime,
     TimeOrZero,
@@ -60,6 +62,12 @@ class StrokeMotion(ToolMotion):
         default=None, description="Time at which the stroke ends."
     )
 
+    until_force: Annotated[PositiveForce | None, AbsentMeans("the whole distance")] = Field(
+        default=None,
+        description="Force of the sheet against the travel at which the tool stops where it is, "
+        "and stays there; the distance is then the farthest that it goes.",
+    )
+
     @model_validator(mode="after")
     def _check_times(self) -> Self:
         if self.end is not None and self.end <= self.start:
@@ -103,6 +111,7 @@ class StrokeMotion(ToolMotion):
             stroke_distance=self.distance,
             stroke_start=start,
             stroke_end=end,
+            until_force=math.inf if self.until_force is None else self.until_force,
         )
 
     @property

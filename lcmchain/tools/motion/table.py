@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
@@ -49,6 +50,9 @@ class TableMotion(ToolMotion):
     travel: Annotated[
         tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")
     ] = Field(description="Travel at these times, from 0; linear in between.")
+
+    #: Of a course over stages: the force [N] of the sheet that may stop the tool before.
+    _until_force: float = PrivateAttr(default=math.inf)
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -94,7 +98,14 @@ class TableMotion(ToolMotion):
             stroke_profile=TABULATED,
             table_times=times,
             table_travels=travels,
+            until_force=self._until_force,
         )
+
+    def at_most(self, until_force: float) -> Self:
+        """Return this course as the farthest of a tool that a force [N] may stop before."""
+        course = self.model_copy()
+        course._until_force = until_force
+        return course
 
     @property
     def moves(self) -> bool:
