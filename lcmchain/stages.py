@@ -225,7 +225,7 @@ def _motion_in_stage(tools: ToolTable, tool: int, plan: StagePlan) -> dict[str, 
         )  # fmt: skip
     if motion.kind == FIXED or axis is None:
         return row
-    sign = 1.0 if row["direction"] @ axis > 0.0 else -1.0
+    sign = -1.0 if row["direction"] @ axis < 0.0 else 1.0  # a turn has no direction
     return row | {
         "direction": axis,
         "force": sign * row["force"],

@@ -94,7 +94,7 @@ SAMPLED_ENERGIES = (
 SAMPLE_COLUMNS = ("time", "sheet_time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (
     "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
-    "stop_impulse",
+    "stop_impulse", "moment_impulse",
 )  # fmt: skip
 
 #: Then those of every gripper, one after the other.
@@ -103,6 +103,7 @@ GRIPPER_SAMPLE_COLUMNS = (
 )  # fmt: skip
 
 # Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
+# Where tools turn, their moments stand behind those of all tools.
 TOOL_COLUMNS = 4
 
 
@@ -124,6 +125,7 @@ def entry(
 def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
+    turning_count = 0 if model.tools.turn_axis is None else tool_count
     span_count = model.nodes.chunk_order.size * SPANS_OF_CHUNK
     bending, pore = model.fibre_bending, model.pore
     plies = None if model.ply_contact is None else model.ply_contact.data
@@ -133,6 +135,7 @@ def sizes(model: Model) -> dict[str, int]:
         "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
+        "turning tool": turning_count,
         "tool stopped": STOPPED_ENTRIES,
         "process or stage": max(1, len(model.stages)),
         "held node": 0 if model.environment.depth_time is None else model.node_count,
@@ -178,7 +181,7 @@ def sizes(model: Model) -> dict[str, int]:
         + len(GRIPPER_SAMPLE_COLUMNS) * len(model.grips),
         "chunk": model.nodes.chunk_order.size,
         "span": span_count,
-        "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
+        "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count + turning_count,
     }
 
 
@@ -246,8 +249,10 @@ class State(_Arrays):
         meaning="whether contact of the node with the tool is evaluated",
         dtype=np.uint8,
     )
-    tool_travel: np.ndarray = entry("tool", unit="m", meaning="at time n", in_frames=True)
-    tool_velocity: np.ndarray = entry("tool", unit="m/s", meaning="at time n - 1/2")
+    tool_travel: np.ndarray = entry(
+        "tool", unit="m, rad", meaning="at time n; of a tool that turns its angle", in_frames=True
+    )
+    tool_velocity: np.ndarray = entry("tool", unit="m/s, rad/s", meaning="at time n - 1/2")
     tool_input: np.ndarray = entry(
         "tool",
         "tool input",
@@ -280,6 +285,14 @@ class State(_Arrays):
         "tool", "xyz", unit="N s", meaning="integral of the tool force over time"
     )
     tool_work: np.ndarray = entry("tool", unit="J", meaning="of the tool on the sheets")
+    tool_moment: np.ndarray = entry(
+        "turning tool",
+        unit="N m",
+        meaning="of the sheets on the tool about its axis at the last step; 0 without one",
+    )
+    tool_moment_impulse: np.ndarray = entry(
+        "turning tool", unit="N m s", meaning="integral of the moment over time"
+    )
     tool_stop_force: np.ndarray = entry(
         "tool",
         unit="N",

@@ -23,6 +23,8 @@ from lcmchain.state import (
     STOPPED_TIME,
     STOPPED_TRAVEL,
     TIME,
+    TOOL_COLUMNS,
+    WORK_COLUMNS,
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel, way_to_stop
@@ -38,8 +40,30 @@ def mark_near_spans(tools, arrays):
 @implements(after_nodes, ToolTable)
 @equation
 def load_and_move_tools(tools, arrays, environment, dt_last, dt):
+    add_moments(tools.turn_axis, arrays, 0.5 * (dt_last + dt))
     add_tool_loads(arrays, arrays.clock[TIME], dt_last, dt)
     move_tools(arrays, tools, arrays.clock[TIME], dt_last, dt)
+
+
+@routine
+def add_moments(turn_axis, arrays, interval):
+    """Sum the moments on tools that turn [N m] over the chunks, in their order, and over time."""
+    if turn_axis is not None:
+        moment, sums = arrays.tool_moment, arrays.chunk_sums
+        moment[:] = 0.0
+        for chunk in range(sums.shape[0]):
+            for tool in range(moment.size):
+                moment[tool] += sums[chunk, WORK_COLUMNS + TOOL_COLUMNS * moment.size + tool]
+        for tool in range(moment.size):
+            arrays.tool_moment_impulse[tool] += moment[tool] * (arrays.clock[PACE] * interval)
+
+
+@equation
+def with_moment(turn_axis, arrays, tool, contact):
+    """Add to the force along the travel of a tool [N] its moment [N m]: one of them is 0."""
+    if turn_axis is not None:
+        return contact + arrays.tool_moment[tool]
+    return contact
 
 
 @routine
@@ -74,6 +98,7 @@ def move_tools(arrays, tools, time, dt_last, dt):
         contact = held = 0.0
         for d in range(3):
             contact += arrays.tool_force[tool, d] * tools.direction[tool, d]
+        contact = with_moment(tools.turn_axis, arrays, tool, contact)
         if tools.motion_kind[tool] == GUIDED and arrays.driven[tool] == 0:
             mass = tools.mass[tool]
             applied = guided_load(tools, tool, arrays.tool_input[tool, 1], time)

@@ -24,8 +24,11 @@ class ToolTable(NamedTuple):
     origin : positions [m] at travel 0, shape [T, 3].
     rotation : rows are the local axes in global coordinates, shape [T, 3, 3]; the local z of a
         plane is its outward normal.
-    aligned : 1 where the rotation is the identity, shape [T].
+    aligned : 1 where the rotation is the identity and stays it, shape [T].
     direction : unit directions of travel, shape [T, 3].
+    turn_axis, turn_point : unit axis and a point of it [m] of tools that turn, shape [T, 3]; the
+        axis is 0 for all others. Both None where no tool turns. The travel of one that does is its
+        angle [rad], and its direction is 0.
     friction : Coulomb friction coefficients, shape [T].
     initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
         :mod:`lcmchain.tools.initial_overlap`.
@@ -57,6 +60,8 @@ class ToolTable(NamedTuple):
     rotation: np.ndarray
     aligned: np.ndarray
     direction: np.ndarray
+    turn_axis: np.ndarray | None
+    turn_point: np.ndarray | None
     friction: np.ndarray
     initial_overlap: np.ndarray
     motion_kind: np.ndarray
@@ -143,12 +148,19 @@ def build_tool_table(
         return [row[name] for row in rows]
 
     count = len(tools)
+    turn_axis = column("turn_axis", width=(3,))
+    turns = turn_axis.any(axis=1)
     return ToolTable(
         kind=column("kind", np.int64),
         origin=np.array([tool.position for tool in tools], dtype=float).reshape(count, 3),
         rotation=np.array(rotations, dtype=float).reshape(count, 3, 3),
-        aligned=np.array([np.array_equal(r, np.eye(3)) for r in rotations], dtype=np.int64),
+        aligned=np.array(
+            [np.array_equal(r, np.eye(3)) and not turn for r, turn in zip(rotations, turns)],
+            dtype=np.int64,
+        ),
         direction=column("direction", width=(3,)),
+        turn_axis=turn_axis if turns.any() else None,
+        turn_point=column("turn_point", width=(3,)) if turns.any() else None,
         friction=np.array(
             [default_friction if tool.friction is None else tool.friction for tool in tools],
             dtype=float,
