@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -50,6 +51,7 @@ class FormingRun:
     """Advances a simulation from frame to frame, with checkpoints on the way.
 
     ``on_saved`` is called after each of them. A ``companion`` advances the simulation with itself.
+    ``until`` is the time [s] of a saved frame after which it makes no further one.
     """
 
     def __init__(
@@ -61,10 +63,11 @@ class FormingRun:
         report: Progress,
         on_saved: Callable[[], None] = ignore,
         companion: Companion | None = None,
+        until: float = math.inf,
     ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report, self.on_saved = folder, report, on_saved
-        self.companion = companion
+        self.companion, self.until = companion, until
         self.snapshots: list[Snapshot] = []
         self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
@@ -78,7 +81,7 @@ class FormingRun:
         return self._wall_before + now - self._started
 
     def complete(self, checkpoint: Checkpoint | None = None) -> list[Snapshot]:
-        """Advance to the end of the process and return the saved frames."""
+        """Advance to the end of the process, or until it is to end, and return the saved frames."""
         self._started = self._saved = time.perf_counter()
         if checkpoint is not None:
             self.simulation.restore(checkpoint.state)
@@ -95,7 +98,8 @@ class FormingRun:
         mover = self.companion or self.simulation
         times = self.scene.frame_times
         with stop_requests() as self._stop:
-            for frame_time in times[len(self.snapshots) :]:
+            left = times[len(self.snapshots) :]
+            for frame_time in left[left <= self.until]:
                 mover.advance_to(float(frame_time), self._after_chunk)
                 self.snapshots.append(self.simulation.snapshot())
                 if self.companion is not None:
