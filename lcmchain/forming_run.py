@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from lcmchain.errors import SimulationInterrupted
 from lcmchain.fingerprint import Fingerprint
@@ -17,6 +17,7 @@ from lcmchain.scene import Scene
 from lcmchain.solver.checkpoint import Checkpoint, write_checkpoint
 from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.solver.stage_start import model_digest, written_values
 
 # A checkpoint is written at every saved frame, and between frames after this time [s].
 CHECKPOINT_INTERVAL = 30.0
@@ -97,8 +98,8 @@ class FormingRun:
                 self.companion.keep_frame()
         mover = self.companion or self.simulation
         times = self.scene.frame_times
+        left = times[times > self.snapshots[-1].time]
         with stop_requests() as self._stop:
-            left = times[len(self.snapshots) :]
             for frame_time in left[left <= self.until]:
                 mover.advance_to(float(frame_time), self._after_chunk)
                 self.snapshots.append(self.simulation.snapshot())
@@ -136,12 +137,23 @@ class FormingRun:
                 self.wall_s,
                 self.simulation.control.history,
                 self._frame_file,
+                **self._for_later_stages(),
             ),
         )
         if self.companion is not None:
             self.companion.forget_checkpoints(self.folder, but=step_count)
         self._saved = time.perf_counter()
         self.on_saved()
+
+    def _for_later_stages(self) -> dict[str, Any]:
+        """Return what a run of another scene needs that goes on from the end of a stage."""
+        model, time = self.simulation.model, self.simulation.time
+        ends = tuple(stage.end for stage in model.stages)
+        if time not in ends[:-1]:
+            return {}
+        values = written_values(self.scene)
+        digest = model_digest(model.whole, ends.index(time) + 1)
+        return {"values": values, "stage_ends": ends, "digest": digest}
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from lcmchain.scene.scene import SHEET_NAME
 from lcmchain.scene.stages import number_of_stage
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.solver.stage_start import FROM, require_border, started
 from lcmchain.summary import run_head, run_summary, scene_head
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolTable, ToolWarning
@@ -67,6 +68,7 @@ def run(
     threads: int | None = None,
     resume: bool = False,
     until_stage: str | None = None,
+    start_from: Path | str | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Run every stage that the scene names and write the results into ``out``.
@@ -83,6 +85,8 @@ def run(
     resume : go on from the checkpoint in ``out``; the result is that of an uninterrupted run.
     until_stage : end with this stage of the scene. The results are those of its end, nothing is
         mapped, and a checkpoint is left from which ``resume`` goes on.
+    start_from : folder of a run that has ended with a stage, whose scene has other stages behind
+        it: go on from there. Nothing in that folder is changed.
     progress : called with (completed, total, text).
 
     Raises
@@ -105,7 +109,10 @@ def run(
         job = kind(scene, results, threads, account, resume=resume)
         checkpoint = job.checkpoint() if resume else None
         job.end_with(until_stage, checkpoint)
+        other = None if start_from is None else job.other_run(Path(start_from), resume=resume)
         job.build()
+        if other is not None:
+            checkpoint = job.started_from(other)
         results.begin(resume=resume)
         with account.kept(on_failure=job.write_report), job.helper:
             job.form(checkpoint)
@@ -167,6 +174,31 @@ class _Job:
                 key=UNTIL,
             )
         self.until, self.last_stage = end, stage
+
+    def other_run(self, folder: Path, *, resume: bool) -> Checkpoint:
+        """Return the state at the end of a stage of another run.
+
+        Raises
+        ------
+        InputError : there is none that this scene may go on from; names the key that differs.
+        """
+        if resume:
+            raise InputError(
+                f"goes on from another run, and --resume from this one; leave {FROM} out", key=FROM
+            )
+        if folder.resolve() == self.folder.resolve():
+            raise InputError("is the folder of this run; name another one with --out", key=FROM)
+        other = read_checkpoint(folder, self.fingerprint, of_other_scene=True)
+        stages = require_border(other, self.scene, folder)
+        name = self.scene.stages[stages - 1].name
+        self.summary["started_from"] = {"folder": str(folder), "stage": name}
+        self.other_folder = folder
+        return other
+
+    def started_from(self, other: Checkpoint) -> Checkpoint:
+        """Return the state of another run as one of this one."""
+        model, folders = self.simulation.model.whole, (self.other_folder, self.folder)
+        return started(other, self.scene, model, self.fingerprint, folders)
 
     @property
     def ends_early(self) -> bool:
@@ -447,6 +479,9 @@ class _DrapingJob(_Job):
     def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
         if stage is not None:
             raise InputError("names a stage, but draping makes one step; leave it out", key=UNTIL)
+
+    def other_run(self, folder: Path, *, resume: bool) -> Checkpoint:
+        raise InputError("names a run, but draping has no stages; leave it out", key=FROM)
 
     @property
     def tools(self) -> ToolTable:

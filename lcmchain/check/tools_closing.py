@@ -8,6 +8,7 @@ the fibres as they are without pores, are refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
@@ -29,6 +30,7 @@ from lcmchain.tools.closest_gap import (
 )
 from lcmchain.tools.motion import prescribed_travel
 from lcmchain.tools.table import yields
+from lcmchain.tools.turn import turning
 
 #: Gap in parts of the thickness below which no sheet fits between two tools.
 LEAST_GAP = 0.5
@@ -136,6 +138,14 @@ def _solid_height(scene: Scene, near: ClosestGap) -> float:
     )
 
 
+def _place_in_words(model: Model, tool: int, time: float) -> str:
+    """Say where a tool has come to at a time [s]."""
+    travel = prescribed_travel(model.tools, tool, time)[0]
+    if turning(model.tools)[tool]:
+        return f"at an angle of {math.degrees(travel):.4g} degrees"
+    return f"at a travel of {1e3 * travel:.4g} mm"
+
+
 def _sentence(
     scene: Scene, model: Model, pair: tuple[int, int], first: ClosestGap, closest: ClosestGap
 ) -> str:
@@ -143,9 +153,7 @@ def _sentence(
     moving = [k for k in pair if scene.tools[k].motion.moves]
     thickness = scene.stack.thickness_at(closest.place[0], closest.place[1])
     way = " and ".join(
-        f"{model.tool_names[k]} at a travel of "
-        f"{1e3 * prescribed_travel(model.tools, k, closest.time)[0]:.4g} mm"
-        for k in moving
+        f"{model.tool_names[k]} {_place_in_words(model, k, closest.time)}" for k in moving
     )
     one, other = (model.tool_names[k] for k in pair)
     what = (

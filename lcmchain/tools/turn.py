@@ -74,7 +74,8 @@ def turning(table: Any) -> np.ndarray:
     """Return which tools of a table turn, shape [T]."""
     if table.turn_axis is None:
         return np.zeros(table.kind.size, dtype=bool)
-    return np.asarray(table.turn_axis).any(axis=1)
+    axes: np.ndarray = table.turn_axis
+    return np.array([axis.any() for axis in axes])
 
 
 def placed(table: Any, tool: int, points: np.ndarray, travel: float) -> np.ndarray:

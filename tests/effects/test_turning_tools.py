@@ -8,21 +8,23 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from lcmchain.check.tools_closing import closing_tools
+from lcmchain.check.tools_closing import closing_tools, require_space
 from lcmchain.check.tools_without_touch import tools_out_of_reach
 from lcmchain.errors import InputError
+from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming import variables_of
 from lcmchain.model import build_model
+from lcmchain.report.tool_view import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance
 from lcmchain.tools.table import build_tool_table
 from lcmchain.tools.tool import Tool
-from lcmchain.tools.turn import placed, turning
+from lcmchain.tools.turn import placed, placement, turning
 
 MS = 1e-3
 FRICTION = 0.3
@@ -193,6 +195,18 @@ def test_histories_have_angle_and_moment(folded):
     assert history["history_tool_moment"].attrs["units"] == "N m"
 
 
+def test_the_view_of_the_report_turns_the_tool(folded):
+    simulation, _ = folded
+    scene, start = scene_from_text(text_of(turn([0, 1, 0], -FOLD))), sheet(turn([0, 1, 0], -FOLD))
+    frames = FrameSeries.from_snapshots([start.snapshot(), simulation.snapshot()], ("wing",))
+    groups = model_datasets(scene, simulation.model, frames)
+    (view,) = tool_data(scene, groups["/"], groups["/history"])
+    for frame, angle in enumerate((0.0, -math.radians(FOLD))):
+        rotation, shift = placement(simulation.model.tools, 0, angle)
+        np.testing.assert_allclose(np.reshape(view["turn"][frame], (3, 3)), rotation, atol=1e-6)
+        np.testing.assert_allclose(view["shift"][frame], 1e3 * shift, atol=1e-4)
+
+
 STAGES = """
 [[stages]]
 name = "up"
@@ -270,6 +284,9 @@ def test_a_wing_that_turns_into_another_tool_is_found(angle, closed):
     lost = 40e-3 * math.tan(math.radians(abs(angle)))
     assert closing.closest.gap == pytest.approx(1.004e-3 - lost, abs=2e-5)
     assert (closing.closest.gap < 0.0) == closed
+    if closed:
+        with pytest.raises(InputError, match=f"wing at an angle of {angle:g} degrees"):
+            require_space(scene, model, [closing])
 
 
 def test_a_wing_that_reaches_no_blank_is_named():
