@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ from lcmchain.fmu.forming_variables import (
     FIELDS,
     FLUID,
     FLUID_OUTPUTS,
+    GRIPPERS,
+    HOLDS,
     RATES,
     SOLVER,
     STACK,
@@ -50,8 +53,11 @@ from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
+from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.state import STOPPED_TIME
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
+from lcmchain.tools.turn import turning
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
@@ -98,6 +104,8 @@ def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int 
     ]
     return Abilities(
         tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
+        turning=[tool.name for tool in scene.tools if tool.motion.turns],
+        grippers=[name for gripper in scene.grippers for name in gripper.names],
         element_count=sum(ply.element_count for ply in plies),
         edge_length=stack.shortest_edge,
         title=scene.title,
@@ -310,15 +318,19 @@ class FormingPart(Part):
                 velocity = (position - state.tool_travel[index]) / size
             state.driven[index] = int(bool(drive or to_position))
             state.tool_input[index] = velocity, force
-            if not state.driven[index] and model.tools.motion_kind[index] == PRESCRIBED:
+            stopped = state.tool_stopped[index, model.stage, STOPPED_TIME] <= state.time
+            led = model.tools.motion_kind[index] == PRESCRIBED and not stopped
+            if not state.driven[index] and led:
                 self._require_no_jump(index, tool)
 
     def _require_no_jump(self, index: int, tool: str) -> None:
         travel = prescribed_travel(self.simulation.model.tools, index, self.simulation.time)[0]
         jump = travel - self.simulation.state.tool_travel[index]
         if abs(jump) > TRAVEL_TOLERANCE:
+            turns = bool(turning(self.simulation.model.tools)[index])
+            way = f"{math.degrees(jump):.4g} degrees" if turns else f"{1e3 * jump:.4g} mm"
             raise SimulationError(
-                f"{tool} would jump by {1e3 * jump:.4g} mm to the motion of the scene; keep "
+                f"{tool} would jump by {way} to the motion of the scene; keep "
                 f"{quoted(tool)}.drive true, or drive it to where the scene has it before"
             )
 
@@ -335,6 +347,7 @@ class FormingPart(Part):
             FLUID: self._fluid_outputs,
             STACK: self._stack_outputs,
             BETWEEN: self._between_outputs,
+            GRIPPERS: self._gripper_outputs,
         }
         return at_interface(self._interface, compute[group](), self.step)
 
@@ -344,10 +357,31 @@ class FormingPart(Part):
         for index, tool in enumerate(model.tool_names):
             force = state.tool_force[index]
             prefix = quoted(tool)
-            values[f"{prefix}.travel"] = state.tool_travel[index]
-            values[f"{prefix}.velocity"] = state.tool_velocity[index]
-            values[f"{prefix}.force"] = force @ model.tools.direction[index]
+            if turning(model.tools)[index]:
+                values[f"{prefix}.angle"] = state.tool_travel[index]
+                values[f"{prefix}.angular_velocity"] = state.tool_velocity[index]
+                values[f"{prefix}.moment"] = state.tool_moment[index]
+            else:
+                values[f"{prefix}.travel"] = state.tool_travel[index]
+                values[f"{prefix}.velocity"] = state.tool_velocity[index]
+                values[f"{prefix}.force"] = force @ model.tools.direction[index]
             values |= {f"{prefix}.force_{axis}": part for axis, part in zip("xyz", force)}
+        return values
+
+    def _gripper_outputs(self) -> dict[str, float]:
+        """Force on the blank, way of the place since the start, and whether it holds."""
+        model, state = self.simulation.model, self.simulation.state
+        values: dict[str, float] = {}
+        found = zip(
+            model.grips, grip_forces(model, state), let_go_times(model, state),
+            grippers_at_work(model), strict=True,
+        )  # fmt: skip
+        for grip, force, let_go, works in found:
+            prefix = quoted(grip.name)
+            travel = state.position[:, grip.nodes] @ grip.weights - grip.place
+            values |= {f"{prefix}.grip_force_{axis}": part for axis, part in zip("xyz", force)}
+            values |= {f"{prefix}.grip_travel_{axis}": part for axis, part in zip("xyz", travel)}
+            values[f"{prefix}.{HOLDS}"] = float(works and math.isinf(let_go))
         return values
 
     def _energy_outputs(self) -> dict[str, float]:

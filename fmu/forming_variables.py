@@ -17,8 +17,8 @@ from lcmchain.fmu.variables import (
 from lcmchain.tools.motion import FIXED, GUIDED
 
 # Groups: outputs that are computed together.
-TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK, BETWEEN = (
-    "tools", "energy", "fields", "rates", "solver", "fluid", "stack", "between plies",
+TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK, BETWEEN, GRIPPERS = (
+    "tools", "energy", "fields", "rates", "solver", "fluid", "stack", "between plies", "grippers",
 )  # fmt: skip
 
 #: Pore pressure that the fluid gives [Pa] per element; the unit's one field input.
@@ -39,15 +39,46 @@ FORCE_INPUTS = (
      "force added to the load of {tool} along its direction while it is guided"),
 )  # fmt: skip
 
+#: Of a tool that turns.
+TURN_INPUTS = (
+    ("drive", Kind.BOOLEAN, "discrete", None, None, False, "true: {tool} follows velocity_input"),
+    ("velocity_input", Kind.REAL, "continuous", "rad/s", "AngularVelocity", 0.0,
+     "angular velocity of {tool} about its axis while drive is true"),
+    ("drive_to_position", Kind.BOOLEAN, "discrete", None, None, False,
+     "true: {tool} is at position_input at the end of a step, at constant velocity over it"),
+    ("position_input", Kind.REAL, "continuous", "rad", "Angle", 0.0,
+     "angle of {tool} about its axis while drive_to_position is true"),
+)  # fmt: skip
+
 # Suffix, unit, type, description.
+FORCE_OUTPUTS = (
+    ("force_x", "N", "Force", "force of the blank on {tool}, x component"),
+    ("force_y", "N", "Force", "force of the blank on {tool}, y component"),
+    ("force_z", "N", "Force", "force of the blank on {tool}, z component"),
+)
 TOOL_OUTPUTS = (
     ("travel", "m", "Length", "travel of {tool} along its direction"),
     ("velocity", "m/s", "Velocity", "velocity of {tool} along its direction"),
     ("force", "N", "Force",
      "force of the blank on {tool} along its direction (negative: it resists)"),
-    ("force_x", "N", "Force", "force of the blank on {tool}, x component"),
-    ("force_y", "N", "Force", "force of the blank on {tool}, y component"),
-    ("force_z", "N", "Force", "force of the blank on {tool}, z component"),
+    *FORCE_OUTPUTS,
+)  # fmt: skip
+TURN_OUTPUTS = (
+    ("angle", "rad", "Angle", "angle of {tool} about its axis"),
+    ("angular_velocity", "rad/s", "AngularVelocity", "angular velocity of {tool} about its axis"),
+    ("moment", "N.m", "Moment",
+     "moment of the blank on {tool} about its axis (negative: it resists a turn forward)"),
+    *FORCE_OUTPUTS,
+)  # fmt: skip
+#: Of a gripper, behind its name; and whether it holds.
+HOLDS = "holds"
+GRIPPER_OUTPUTS = (
+    ("grip_force_x", "N", "Force", "force of {gripper} on the blank, x component"),
+    ("grip_force_y", "N", "Force", "force of {gripper} on the blank, y component"),
+    ("grip_force_z", "N", "Force", "force of {gripper} on the blank, z component"),
+    ("grip_travel_x", "m", "Length", "way of the place that {gripper} holds, x component"),
+    ("grip_travel_y", "m", "Length", "way of the place that {gripper} holds, y component"),
+    ("grip_travel_z", "m", "Length", "way of the place that {gripper} holds, z component"),
 )  # fmt: skip
 
 # Name, unit, type, group, description.
@@ -165,6 +196,7 @@ class Abilities(NamedTuple):
     patch_count : values of a field at an interface coarser than the elements, 0 for one of each.
     plies : those of a stack, bottom first; none for one sheet.
     column_count : columns through a stack, which a fluid has its pressures in; 0 for one sheet.
+    turning : names of the tools that turn. grippers : names of all grippers.
     """
 
     tools: Sequence[tuple[str, int]]
@@ -178,6 +210,8 @@ class Abilities(NamedTuple):
     surroundings: float = 0.0
     plies: Sequence[PlyAbilities] = ()
     column_count: int = 0
+    turning: Sequence[str] = ()
+    grippers: Sequence[str] = ()
 
     @property
     def field_size(self) -> int:
@@ -208,7 +242,7 @@ def forming_variables(
     A tool that the scene moves (stroke, table) or guides takes inputs of motion, a guided one
     ``force_input`` as well; a fixed tool has no inputs.
     """
-    inputs, outputs = _of_tools(abilities.tools)
+    inputs, outputs = _of_tools(abilities.tools, abilities.turning)
     scalars = [_output(*entry) for entry in SCALAR_OUTPUTS]
     scalars += _scalars_of_plies(abilities)
     if abilities.takes_pore_pressure:
@@ -250,6 +284,7 @@ def forming_variables(
         *COMMON_OUTPUTS,
         *_fields(abilities, fields),
         STEP_OUTCOME,
+        *_of_grippers(abilities.grippers),
     )
     left_out = {f"{name}{end}" for name in _unknown(abilities) for end in ("", "_min", "_max")}
     return tuple(v for v in variables if v.name not in left_out)
@@ -332,21 +367,47 @@ def _of_ply(ply: PlyAbilities, entry: tuple[str, ...], size: int | None = None) 
     )
 
 
-def _of_tools(tools: Sequence[tuple[str, int]]) -> tuple[list[Variable], list[Variable]]:
+def _of_tools(
+    tools: Sequence[tuple[str, int]], turning: Sequence[str]
+) -> tuple[list[Variable], list[Variable]]:
     inputs, outputs = [], []
     for tool, motion_kind in tools:
         prefix = quoted(tool)
-        entries: tuple[tuple, ...] = () if motion_kind == FIXED else MOTION_INPUTS
+        turns = tool in turning
+        entries: tuple[tuple, ...] = TURN_INPUTS if turns else MOTION_INPUTS
+        if motion_kind == FIXED:
+            entries = ()
         entries += FORCE_INPUTS if motion_kind == GUIDED else ()
         for suffix, kind, variability, unit, declared, start, text in entries:
             name, description = f"{prefix}.{suffix}", text.format(tool=tool)
             inputs.append(
                 Variable(name, kind, "input", variability, description, unit, declared, start)
             )
-        for suffix, unit, declared, text in TOOL_OUTPUTS:
+        for suffix, unit, declared, text in TURN_OUTPUTS if turns else TOOL_OUTPUTS:
             name, description = f"{prefix}.{suffix}", text.format(tool=tool)
             outputs.append(_output(name, unit, declared, TOOLS, description))
     return inputs, outputs
+
+
+def _of_grippers(names: Sequence[str]) -> list[Variable]:
+    """Force, way and hold of every gripper."""
+    outputs = []
+    for gripper in names:
+        prefix = quoted(gripper)
+        for suffix, unit, declared, text in GRIPPER_OUTPUTS:
+            description = text.format(gripper=gripper)
+            outputs.append(_output(f"{prefix}.{suffix}", unit, declared, GRIPPERS, description))
+        outputs.append(
+            Variable(
+                f"{prefix}.{HOLDS}",
+                Kind.BOOLEAN,
+                "output",
+                "discrete",
+                f"whether {gripper} is at work and has not let go",
+                group=GRIPPERS,
+            )
+        )
+    return outputs
 
 
 def _constants(abilities: Abilities) -> list[Variable]:

@@ -107,6 +107,20 @@ def run(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the last checkpoint in DIR.")
     ] = False,
+    until_stage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="End with this stage; the same command with --resume goes on."
+        ),
+    ] = None,
+    start_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="RESULTS",
+            help="Go on from a run that ended with a stage, with other stages behind it.",
+        ),
+    ] = None,
     model: ModelRung = None,
     within: Annotated[
         str | None,
@@ -127,6 +141,11 @@ def run(
 ) -> None:
     """Form the blank, and map its fields to the meshes that the scene names."""
     if within is not None or budget is not None:
+        for option, given in (("--until-stage", until_stage), ("--from", start_from)):
+            if given is not None:
+                raise InputError(
+                    "belongs to the run of a scene; leave out --within and --budget", key=option
+                )
         from lcmchain.commands.run_chosen import run_chosen
 
         run_chosen(
@@ -141,8 +160,9 @@ def run(
         try:
             with progress_bar(quiet=quiet) as progress:
                 result = run_scene(
-                    the_scene, folder, threads=threads, resume=resume, progress=progress
-                )
+                    the_scene, folder, threads=threads, resume=resume, until_stage=until_stage,
+                    start_from=start_from, progress=progress,
+                )  # fmt: skip
         except (MappingError, UnfinishedRun) as error:
             if error.result is not None:
                 print_result(error.result.summary, folder, quiet=quiet)

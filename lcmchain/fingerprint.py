@@ -63,18 +63,24 @@ def run_fingerprint(scene: Any) -> Fingerprint:
     ------
     InputError : a file that a tool names cannot be read.
     """
-    values = scene.model_dump(mode="json", exclude=AFTER_FORMING)
+    values = json.dumps(forming_values(scene), sort_keys=True)
+    return Fingerprint(
+        scene=hashlib.sha256(values.encode()).hexdigest(),
+        files=_file_hash(scene),
+        sources=_sources(),
+    )
+
+
+def forming_values(scene: Any) -> dict[str, Any]:
+    """Return the entries of a scene that decide the numbers of its forming run, in plain values."""
+    values: dict[str, Any] = scene.model_dump(mode="json", exclude=AFTER_FORMING)
     values["history_interval"] = scene.history_interval  # the one entry of [output] that forms
     if scene.element.type == "kinematic":
         values |= scene.model_dump(mode="json", include={"draping"})
     if scene.wet_forming is not None:
         forms = ("infiltration", "permeability")
         values |= scene.model_dump(mode="json", include=set(forms))
-    return Fingerprint(
-        scene=hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest(),
-        files=_file_hash(scene),
-        sources=_sources(),
-    )
+    return values
 
 
 @cache

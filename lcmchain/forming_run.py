@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from lcmchain.errors import SimulationInterrupted
 from lcmchain.fingerprint import Fingerprint
@@ -16,6 +17,7 @@ from lcmchain.scene import Scene
 from lcmchain.solver.checkpoint import Checkpoint, write_checkpoint
 from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.solver.stage_start import model_digest, written_values
 
 # A checkpoint is written at every saved frame, and between frames after this time [s].
 CHECKPOINT_INTERVAL = 30.0
@@ -50,6 +52,7 @@ class FormingRun:
     """Advances a simulation from frame to frame, with checkpoints on the way.
 
     ``on_saved`` is called after each of them. A ``companion`` advances the simulation with itself.
+    ``until`` is the time [s] of a saved frame after which it makes no further one.
     """
 
     def __init__(
@@ -61,10 +64,11 @@ class FormingRun:
         report: Progress,
         on_saved: Callable[[], None] = ignore,
         companion: Companion | None = None,
+        until: float = math.inf,
     ) -> None:
         self.scene, self.fingerprint, self.simulation = scene, fingerprint, simulation
         self.folder, self.report, self.on_saved = folder, report, on_saved
-        self.companion = companion
+        self.companion, self.until = companion, until
         self.snapshots: list[Snapshot] = []
         self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
@@ -78,7 +82,7 @@ class FormingRun:
         return self._wall_before + now - self._started
 
     def complete(self, checkpoint: Checkpoint | None = None) -> list[Snapshot]:
-        """Advance to the end of the process and return the saved frames."""
+        """Advance to the end of the process, or until it is to end, and return the saved frames."""
         self._started = self._saved = time.perf_counter()
         if checkpoint is not None:
             self.simulation.restore(checkpoint.state)
@@ -94,8 +98,9 @@ class FormingRun:
                 self.companion.keep_frame()
         mover = self.companion or self.simulation
         times = self.scene.frame_times
+        left = times[times > self.snapshots[-1].time]
         with stop_requests() as self._stop:
-            for frame_time in times[len(self.snapshots) :]:
+            for frame_time in left[left <= self.until]:
                 mover.advance_to(float(frame_time), self._after_chunk)
                 self.snapshots.append(self.simulation.snapshot())
                 if self.companion is not None:
@@ -132,12 +137,23 @@ class FormingRun:
                 self.wall_s,
                 self.simulation.control.history,
                 self._frame_file,
+                **self._for_later_stages(),
             ),
         )
         if self.companion is not None:
             self.companion.forget_checkpoints(self.folder, but=step_count)
         self._saved = time.perf_counter()
         self.on_saved()
+
+    def _for_later_stages(self) -> dict[str, Any]:
+        """Return what a run of another scene needs that goes on from the end of a stage."""
+        model, time = self.simulation.model, self.simulation.time
+        ends = tuple(stage.end for stage in model.stages)
+        if time not in ends[:-1]:
+            return {}
+        values = written_values(self.scene)
+        digest = model_digest(model.whole, ends.index(time) + 1)
+        return {"values": values, "stage_ends": ends, "digest": digest}
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -17,18 +18,20 @@ from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
-from lcmchain.errors import LcmchainError, MappingError, OutputError, UnfinishedRun
+from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.forming_run import FormingRun, Progress
 from lcmchain.provenance import provenance
-from lcmchain.results import COMPLETE, RUNNING, ResultsFolder
+from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, stopped
 from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
 from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM
 from lcmchain.scene.scene import SHEET_NAME
+from lcmchain.scene.stages import number_of_stage
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
+from lcmchain.solver.stage_start import FROM, require_border, started
 from lcmchain.summary import run_head, run_summary, scene_head
 from lcmchain.threads import use_threads
 from lcmchain.tools import ToolTable, ToolWarning
@@ -43,6 +46,10 @@ ANY_MESH: dict[str, Any] = {
     "allow_unmapped": True,
     "allow_ambiguous": True,
 }
+
+
+#: Option that names the stage with which a run ends.
+UNTIL = "--until-stage"
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,8 @@ def run(
     *,
     threads: int | None = None,
     resume: bool = False,
+    until_stage: str | None = None,
+    start_from: Path | str | None = None,
     progress: Progress | None = None,
 ) -> Result:
     """Run every stage that the scene names and write the results into ``out``.
@@ -74,6 +83,10 @@ def run(
     threads : of the compiled loops, by default all cores, but one where the mesh is small; the
         fields do not depend on it.
     resume : go on from the checkpoint in ``out``; the result is that of an uninterrupted run.
+    until_stage : end with this stage of the scene. The results are those of its end, nothing is
+        mapped, and a checkpoint is left from which ``resume`` goes on.
+    start_from : folder of a run that has ended with a stage, whose scene has other stages behind
+        it: go on from there. Nothing in that folder is changed.
     progress : called with (completed, total, text).
 
     Raises
@@ -95,11 +108,18 @@ def run(
         kind = _Job if scene.element.has_forces else _DrapingJob
         job = kind(scene, results, threads, account, resume=resume)
         checkpoint = job.checkpoint() if resume else None
+        job.end_with(until_stage, checkpoint)
+        other = None if start_from is None else job.other_run(Path(start_from), resume=resume)
         job.build()
+        if other is not None:
+            checkpoint = job.started_from(other)
         results.begin(resume=resume)
         with account.kept(on_failure=job.write_report), job.helper:
             job.form(checkpoint)
             job.draw()
+            if job.ends_early:
+                job.end_early()
+                return job.result
             job.map_fields()
             job.complete()
         remove_checkpoint(folder)
@@ -128,10 +148,75 @@ class _Job:
         self.fingerprint = run_fingerprint(scene)
         self.helper = Helper(later=functools.partial(rehearse_stages, scene))
         self.result: Result
+        self.until, self.last_stage = math.inf, ""
 
     def checkpoint(self) -> Checkpoint | None:
         """Return the state from which an interrupted run goes on."""
         return read_checkpoint(self.folder, self.fingerprint)
+
+    def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
+        """Let the run end with a stage; without one with the process.
+
+        Raises
+        ------
+        InputError : there is no such stage, or the run has come further already.
+        """
+        if stage is None:
+            return
+        number = number_of_stage(self.scene, stage, key=UNTIL)
+        if number + 1 == len(self.scene.stages):
+            return
+        end = self.scene.stage_plans()[number].end
+        if checkpoint is not None and checkpoint.state.time > end:
+            raise InputError(
+                f'"{stage}" ended at {1e3 * end:.4g} ms, but the run in {self.folder} has come to '
+                f"{1e3 * checkpoint.state.time:.4g} ms already; name a later stage",
+                key=UNTIL,
+            )
+        self.until, self.last_stage = end, stage
+
+    def other_run(self, folder: Path, *, resume: bool) -> Checkpoint:
+        """Return the state at the end of a stage of another run.
+
+        Raises
+        ------
+        InputError : there is none that this scene may go on from; names the key that differs.
+        """
+        if resume:
+            raise InputError(
+                f"goes on from another run, and --resume from this one; leave {FROM} out", key=FROM
+            )
+        if folder.resolve() == self.folder.resolve():
+            raise InputError("is the folder of this run; name another one with --out", key=FROM)
+        other = read_checkpoint(folder, self.fingerprint, of_other_scene=True)
+        stages = require_border(other, self.scene, folder)
+        name = self.scene.stages[stages - 1].name
+        self.summary["started_from"] = {"folder": str(folder), "stage": name}
+        self.other_folder = folder
+        return other
+
+    def started_from(self, other: Checkpoint) -> Checkpoint:
+        """Return the state of another run as one of this one."""
+        model, folders = self.simulation.model.whole, (self.other_folder, self.folder)
+        return started(other, self.scene, model, self.fingerprint, folders)
+
+    @property
+    def ends_early(self) -> bool:
+        """Whether the run ends before the process, as it was asked to."""
+        return math.isfinite(self.until)
+
+    @property
+    def final_state(self) -> str:
+        """State of the results when all is done."""
+        if not self.ends_early:
+            return COMPLETE
+        return stopped(f"with the stage {self.last_stage}, as asked; --resume goes on from there")
+
+    def end_early(self) -> None:
+        """Write the report, and say that the run ends here for now."""
+        self.helper.stop()
+        self.write_report(self.final_state)
+        self.account.set_state(self.final_state)
 
     @property
     def tools(self) -> ToolTable:
@@ -176,7 +261,7 @@ class _Job:
         compile_s = time.perf_counter() - start
         forming = FormingRun(
             self.scene, self.fingerprint, self.simulation, self.folder, self.tell_forming,
-            self.save, self.wet,
+            self.save, self.wet, self.until,
         )  # fmt: skip
         try:
             forming.complete(checkpoint)
@@ -191,8 +276,9 @@ class _Job:
             )
             raise
         self.tell(self.scene.process.time, "writing fields")
-        self._write_fields(forming, compile_s, COMPLETE)
-        self._write_filling(forming)
+        self._write_fields(forming, compile_s, self.final_state)
+        if not self.ends_early:
+            self._write_filling(forming)
         step_count = self.simulation.state.step_count
         record_speed(self.simulation.model, self.threads, step_count, forming.wall_s)
         # forming is complete: nothing that fails from here may lose it
@@ -389,6 +475,13 @@ class _DrapingJob(_Job):
 
     def checkpoint(self) -> Checkpoint | None:
         return None  # draping takes less time than reading one
+
+    def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
+        if stage is not None:
+            raise InputError("names a stage, but draping makes one step; leave it out", key=UNTIL)
+
+    def other_run(self, folder: Path, *, resume: bool) -> Checkpoint:
+        raise InputError("names a run, but draping has no stages; leave it out", key=FROM)
 
     @property
     def tools(self) -> ToolTable:

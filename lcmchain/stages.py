@@ -29,7 +29,8 @@ from lcmchain.tools.table import ToolTable
 #: Columns of the tool table that a motion gives one number for.
 MOTION_COLUMNS = (
     "motion_kind", "mass", "force", "damping", "gravity_along", "ramp", "load_start",
-    "travel_start", "stroke_profile", "stroke_distance", "stroke_start", "stroke_end",
+    "travel_start", "stop", "until_force", "stroke_profile", "stroke_distance", "stroke_start",
+    "stroke_end",
 )  # fmt: skip
 
 
@@ -224,12 +225,13 @@ def _motion_in_stage(tools: ToolTable, tool: int, plan: StagePlan) -> dict[str, 
         )  # fmt: skip
     if motion.kind == FIXED or axis is None:
         return row
-    sign = 1.0 if row["direction"] @ axis > 0.0 else -1.0
+    sign = -1.0 if row["direction"] @ axis < 0.0 else 1.0  # a turn has no direction
     return row | {
         "direction": axis,
         "force": sign * row["force"],
         "gravity_along": sign * row["gravity_along"],
         "load_start": plan.load_starts[tool],
+        "stop": sign * row["stop"],
         "stroke_distance": sign * row["stroke_distance"],
         "stroke_start": plan.start + row["stroke_start"],
         "stroke_end": plan.start + row["stroke_end"],

@@ -74,6 +74,11 @@ REST_STOPPED = 5  # when it was stopped last [s]
 REST_SWING = 6  # longest time from a stop to the next one [s]
 REST_ENTRIES = 7
 
+# Entries of ``State.tool_stopped``.
+STOPPED_TIME = 0  # [s], infinite where the tool was not stopped
+STOPPED_TRAVEL = 1  # [m]
+STOPPED_ENTRIES = 2
+
 # Entries of ``State.tool_peak``.
 PEAK_FORCE = 0  # [N]
 PEAK_TIME = 1  # [s]
@@ -89,6 +94,7 @@ SAMPLED_ENERGIES = (
 SAMPLE_COLUMNS = ("time", "sheet_time", "last_step", *SAMPLED_ENERGIES)
 TOOL_SAMPLE_COLUMNS = (
     "travel", "work", "impulse_x", "impulse_y", "impulse_z", "peak_force", "peak_time",
+    "stop_impulse", "moment_impulse",
 )  # fmt: skip
 
 #: Then those of every gripper, one after the other.
@@ -97,6 +103,7 @@ GRIPPER_SAMPLE_COLUMNS = (
 )  # fmt: skip
 
 # Columns of a tool's part of the chunk sums after the energies: force x, y, z and smallest gap.
+# Where tools turn, their moments stand behind those of all tools.
 TOOL_COLUMNS = 4
 
 
@@ -118,6 +125,7 @@ def entry(
 def sizes(model: Model) -> dict[str, int]:
     """Return the sizes that declarations name."""
     tool_count = len(model.tool_names)
+    turning_count = 0 if model.tools.turn_axis is None else tool_count
     span_count = model.nodes.chunk_order.size * SPANS_OF_CHUNK
     bending, pore = model.fibre_bending, model.pore
     plies = None if model.ply_contact is None else model.ply_contact.data
@@ -127,6 +135,9 @@ def sizes(model: Model) -> dict[str, int]:
         "averaged node": 0 if model.averaging is None else model.node_count,
         "tool": tool_count,
         "tool input": 2,
+        "turning tool": turning_count,
+        "tool stopped": STOPPED_ENTRIES,
+        "process or stage": max(1, len(model.stages)),
         "held node": 0 if model.environment.depth_time is None else model.node_count,
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
@@ -170,7 +181,7 @@ def sizes(model: Model) -> dict[str, int]:
         + len(GRIPPER_SAMPLE_COLUMNS) * len(model.grips),
         "chunk": model.nodes.chunk_order.size,
         "span": span_count,
-        "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count,
+        "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count + turning_count,
     }
 
 
@@ -238,8 +249,10 @@ class State(_Arrays):
         meaning="whether contact of the node with the tool is evaluated",
         dtype=np.uint8,
     )
-    tool_travel: np.ndarray = entry("tool", unit="m", meaning="at time n", in_frames=True)
-    tool_velocity: np.ndarray = entry("tool", unit="m/s", meaning="at time n - 1/2")
+    tool_travel: np.ndarray = entry(
+        "tool", unit="m, rad", meaning="at time n; of a tool that turns its angle", in_frames=True
+    )
+    tool_velocity: np.ndarray = entry("tool", unit="m/s, rad/s", meaning="at time n - 1/2")
     tool_input: np.ndarray = entry(
         "tool",
         "tool input",
@@ -272,6 +285,29 @@ class State(_Arrays):
         "tool", "xyz", unit="N s", meaning="integral of the tool force over time"
     )
     tool_work: np.ndarray = entry("tool", unit="J", meaning="of the tool on the sheets")
+    tool_moment: np.ndarray = entry(
+        "turning tool",
+        unit="N m",
+        meaning="of the sheets on the tool about its axis at the last step; 0 without one",
+    )
+    tool_moment_impulse: np.ndarray = entry(
+        "turning tool", unit="N m s", meaning="integral of the moment over time"
+    )
+    tool_stop_force: np.ndarray = entry(
+        "tool",
+        unit="N",
+        meaning="of a guided tool on its stop, along its direction, at the last step",
+    )
+    tool_stop_impulse: np.ndarray = entry(
+        "tool", unit="N s", meaning="integral of the force on the stop over time"
+    )
+    tool_stopped: np.ndarray = entry(
+        "tool",
+        "process or stage",
+        "tool stopped",
+        unit="s, m",
+        meaning="when and where it came to its stop, or a force ended its stroke, by stage",
+    )
     tool_peak: np.ndarray = entry(
         "tool",
         "peak",
@@ -397,6 +433,7 @@ class State(_Arrays):
         state.clock[PACE] = 1.0
         state.ply_facet[:] = NONE
         state.support_let_go[:] = state.gripper_let_go[:] = np.inf
+        state.tool_stopped[:, :, STOPPED_TIME] = np.inf
         if model.nodes.free is not None:
             state.free[:] = model.nodes.free
         state.tool_start[:, START_OVERLAP] = model.tools.initial_overlap

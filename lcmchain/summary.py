@@ -98,6 +98,7 @@ def run_summary(
     from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
     from lcmchain.fields.stages import rest_warnings, stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
+    from lcmchain.fields.tool_stops import stop_warnings, tool_stops
 
     model, state = simulation.model, simulation.state
     history = datasets[HISTORY]
@@ -119,6 +120,7 @@ def run_summary(
         **_pace(model, state),
         **field_summary(datasets),
         **stack_summary(datasets),
+        **tool_stops(model, state),
         **_grippers(datasets[HISTORY]),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
@@ -144,6 +146,7 @@ def run_summary(
         *snap_warnings(summary.get("tool_loads", {}), scene),
         *fibre_strain_warnings(summary),
         *rest_warnings(summary),
+        *stop_warnings(model, state),
     ]
     in_own_words = [scene.stack.in_own_words(text) for text in found]
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}

@@ -171,7 +171,8 @@ def _count_here() -> Operations:
         corner=pieces[2],
         gap=_operations_of(find_gaps, arrays.offset, 0, SPAN, 0.0, 0.0, work),
         force=_operations_of(
-            make_forces, model.environment, arrays.free, (0.0, 0.0, 0.0), 0.1, SPAN, 0.0, 0.0, work
+            make_forces, model.environment, arrays.free, None, (0.0, 0.0, 0.0), 0.1, SPAN, 0.0, 0.0,
+            work,
         ),
     )  # fmt: skip
 

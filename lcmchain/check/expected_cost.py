@@ -28,6 +28,7 @@ from lcmchain.model import Model
 from lcmchain.solver.simulation import VISCOUS_FABRIC
 from lcmchain.tools.distance import PLANE
 from lcmchain.tools.motion import GUIDED, prescribed_travel
+from lcmchain.tools.turn import turning
 
 # Times of the process at which the step is estimated.
 TIMES = 101
@@ -216,7 +217,8 @@ def plate_distance(model: Model, travel: np.ndarray) -> np.ndarray:
     tools = model.tools
     normal = tools.rotation[:, 2]
     distance = np.full(TIMES, math.inf)
-    plates = np.flatnonzero((tools.kind == PLANE) & (tools.motion_kind != GUIDED))
+    led = (tools.motion_kind != GUIDED) & ~turning(tools)
+    plates = np.flatnonzero((tools.kind == PLANE) & led)
     for first in plates:
         for second in plates[plates > first]:
             if normal[first] @ normal[second] < -1.0 + 1e-9:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work
 from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
+from lcmchain.tools.motion import TurnMotion
 from lcmchain.tools.surfaces.surface import Orientation
 
 if TYPE_CHECKING:
@@ -281,6 +283,8 @@ def stage_table(scene: Scene) -> list[Table]:
 
 
 def _motion_in_words(name: str, motion: Any) -> str:
+    if isinstance(motion, TurnMotion):
+        return f"{name} {math.degrees(motion.angle):.4g} degrees"
     way = getattr(motion, "distance", None)
     if way is None and hasattr(motion, "travel"):
         way = motion.travel[-1]

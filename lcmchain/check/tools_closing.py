@@ -8,6 +8,7 @@ the fibres as they are without pores, are refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
@@ -27,7 +28,9 @@ from lcmchain.tools.closest_gap import (
     side_of_sheet,
     times_of_motion,
 )
-from lcmchain.tools.motion import GUIDED, prescribed_travel
+from lcmchain.tools.motion import prescribed_travel
+from lcmchain.tools.table import yields
+from lcmchain.tools.turn import turning
 
 #: Gap in parts of the thickness below which no sheet fits between two tools.
 LEAST_GAP = 0.5
@@ -59,11 +62,11 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     """Return the pairs of tools that have the sheet between them, with their gaps over the process.
 
     Only over the blank as it lies at the start, and of tools that a stroke or a table drives: how
-    far a guided one goes is not known beforehand. Two tools on the same side of the blank have no
-    sheet between them, and two that rest keep the gap that they have at the start.
+    far one goes that a force guides or stops is not known beforehand. Two tools on the same side of
+    the blank have no sheet between them, and two that rest keep their gap of the start.
     """
     tools = model.tools
-    led = [k for k in range(len(scene.tools)) if tools.motion_kind[k] != GUIDED]
+    led = np.flatnonzero(~yields(tools)).tolist()
     sides = {k: side_of_sheet(tools, k, blanks) for k in led}
     places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []
@@ -135,6 +138,14 @@ def _solid_height(scene: Scene, near: ClosestGap) -> float:
     )
 
 
+def _place_in_words(model: Model, tool: int, time: float) -> str:
+    """Say where a tool has come to at a time [s]."""
+    travel = prescribed_travel(model.tools, tool, time)[0]
+    if turning(model.tools)[tool]:
+        return f"at an angle of {math.degrees(travel):.4g} degrees"
+    return f"at a travel of {1e3 * travel:.4g} mm"
+
+
 def _sentence(
     scene: Scene, model: Model, pair: tuple[int, int], first: ClosestGap, closest: ClosestGap
 ) -> str:
@@ -142,9 +153,7 @@ def _sentence(
     moving = [k for k in pair if scene.tools[k].motion.moves]
     thickness = scene.stack.thickness_at(closest.place[0], closest.place[1])
     way = " and ".join(
-        f"{model.tool_names[k]} at a travel of "
-        f"{1e3 * prescribed_travel(model.tools, k, closest.time)[0]:.4g} mm"
-        for k in moving
+        f"{model.tool_names[k]} {_place_in_words(model, k, closest.time)}" for k in moving
     )
     one, other = (model.tool_names[k] for k in pair)
     what = (

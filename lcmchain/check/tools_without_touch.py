@@ -17,6 +17,7 @@ from lcmchain.tools.distance import gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.motion import GUIDED, PRESCRIBED
 from lcmchain.tools.motion.base import TABULATED
+from lcmchain.tools.turn import lever, turning
 
 if TYPE_CHECKING:
     from lcmchain.solver.simulation import Snapshot
@@ -101,7 +102,7 @@ def _least_gap_of_travel(model: Model, tool: int) -> float | None:
     A tool that is farther than a gap can travel by it without a touch, so that steps of the gap
     leave nothing out.
     """
-    least = np.inf
+    least, arm = np.inf, lever(model.tools, tool, model.node_positions)
     for end in _ends_of_travel(model, tool):
         way = 0.0
         for _ in range(MOST_EVALUATIONS):
@@ -111,7 +112,7 @@ def _least_gap_of_travel(model: Model, tool: int) -> float | None:
                 return None
             if way >= abs(end):
                 break
-            way = min(way + gap, abs(end))
+            way = min(way + gap / arm, abs(end))
         else:
             return None
     return least
@@ -138,6 +139,8 @@ def _remedy(model: Model, tool: int) -> str:
     if kind == PRESCRIBED:
         tabulated = model.tools.stroke_profile[tool] == TABULATED
         way = "travel" if tabulated else "distance"
+        if turning(model.tools)[tool]:
+            return f"check {key}.motion.axis, {key}.motion.angle and {key}.position"
         return f"check {key}.motion.direction, {key}.motion.{way} and {key}.position"
     if kind == GUIDED:
         return f"check {key}.motion.direction, its force and {key}.position"

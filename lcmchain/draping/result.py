@@ -12,6 +12,7 @@ from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
 from lcmchain.fields.summary import field_warnings
 from lcmchain.scene import Scene
+from lcmchain.tools.turn import turning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,6 +49,7 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
         tool_travel=_travels(scene, draped),
         tool_force=np.full((2, len(scene.tools), 3), np.nan),
         tool_names=tuple(tool.name for tool in scene.tools),
+        tool_turns=turning(draped.tools),
     )
     attributes = {"state": "complete", "comment": CONSTANT_VOLUME}
     return laid_datasets(scene, LaidSheet(mesh, material), frames, given, attributes=attributes)

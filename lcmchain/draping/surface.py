@@ -23,9 +23,10 @@ from lcmchain.errors import InputError
 from lcmchain.jit import routine
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
-from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
+from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.table import ToolTable
+from lcmchain.tools.table import ToolTable, yields
+from lcmchain.tools.turn import turning
 
 #: Who asks for the one sheet of a scene.
 ASKER = "kinematic draping"
@@ -46,6 +47,8 @@ class ToolShapes(NamedTuple):
     rotation: np.ndarray
     aligned: np.ndarray
     direction: np.ndarray
+    turn_axis: np.ndarray | None
+    turn_point: np.ndarray | None
     segment_start: np.ndarray
     segments: np.ndarray
     corner_start: np.ndarray
@@ -137,10 +140,11 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
     name = scene.draping.surface
     if name is not None:
         tool = _tool_named(scene, name)
-        if tools.motion_kind[tool] == GUIDED:
+        if yields(tools)[tool]:
             raise InputError(
-                f'"{name}" moves under a load, so that its place at the end is not known before a '
-                "simulation; name a tool that is fixed or has a stroke",
+                f'"{name}" moves under a load, or until a force stops it, so that its place '
+                "at the end is not known before a simulation; name a tool that is fixed or has a "
+                "stroke",
                 key="draping.surface",
             )
         return DrapedSurface(
@@ -223,8 +227,10 @@ def touching_tool(scene: Scene, tools: ToolTable) -> int | None:
 def _largest_stroke(tools: ToolTable, time: float, *, flat: bool) -> int | None:
     """Return the tool that goes farthest up to a time [s]; planes count only if ``flat``."""
     ways = [
-        abs(farthest_travel(tools, tool, time)) if flat or tools.kind[tool] != PLANE else 0.0
-        for tool in range(len(tools.kind))
+        abs(farthest_travel(tools, tool, time))
+        if (flat or tools.kind[tool] != PLANE) and not turns
+        else 0.0
+        for tool, turns in enumerate(turning(tools))
     ]
     if not ways or max(ways) == 0.0:
         return None

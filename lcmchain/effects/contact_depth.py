@@ -33,7 +33,7 @@ import numpy as np
 from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
 from lcmchain.jit import equation
 from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, side_of_sheet, times_of_motion
-from lcmchain.tools.motion import GUIDED
+from lcmchain.tools.table import yields
 
 #: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
 PART_OF_PROCESS = 1.0 / 200.0
@@ -98,17 +98,19 @@ def gap_left(
 ) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
-    Infinite with a guided tool, fewer than two tools, or no time. Two tools on the same side of the
-    flat sheets have none of them between them: a holder may overlap the punch that moves in it.
+    Infinite with a tool that a force guides or stops, fewer than two tools, or no time. Two tools
+    on the same side of the flat sheets have none of them between them: a holder may overlap the
+    punch that moves in it.
 
     stages : of the process (:class:`lcmchain.scene.stages.StagePlan`): only tools that are at work
         in one of them together leave a gap, and a guided one says nothing of those without it.
     """
     if tools.kind.size < 2 or not math.isfinite(process_time):
         return math.inf
+    guided = yields(tools)
     together = [(np.flatnonzero(plan.tools).tolist(), plan.start, plan.end) for plan in stages]
     together = together or [(list(range(tools.kind.size)), 0.0, process_time)]
-    known = [one for one in together if not (tools.motion_kind[one[0]] == GUIDED).any()]
+    known = [one for one in together if not guided[one[0]].any()]
     return closest_gap(tools, meshes, process_time, known) if known else math.inf
 
 

@@ -50,7 +50,14 @@ from lcmchain.quantities.entry_types import (
     Text,
     wrong,
 )
-from lcmchain.tools.motion import FixedMotion, GuidedMotion, Motion, StrokeMotion, TableMotion
+from lcmchain.tools.motion import (
+    FixedMotion,
+    GuidedMotion,
+    Motion,
+    StrokeMotion,
+    TableMotion,
+    TurnMotion,
+)
 from lcmchain.tools.motion.travel import travel_along
 
 #: Time over which the force at the start comes on, relative to the process.
@@ -179,8 +186,16 @@ class Gripper(NamedPlace):
             )
         if isinstance(self.motion, GuidedMotion):
             raise wrong("is guided; a gripper is led by a stroke or a table", field="motion.type")
+        require_leading(self.motion, "motion")
         if self.motion.moves and hold != "xyz":
             raise wrong(f'leads the place, but hold is "{hold}"; give "xyz"', field="motion")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the grippers of this entry: numbered where it has a ``count``."""
+        if self.count == 1:
+            return (self.name,)
+        return tuple(f"{self.name}-{number}" for number in range(1, self.count + 1))
 
     def completed(self, process_time: float, *, key: str) -> Self:
         """Fill the entries whose default is another entry of the scene; an error names the key."""
@@ -246,6 +261,17 @@ class Grip:
             motion,
             release_time=_or_never(self.settings.release_time),
             release_force=_or_never(self.settings.release_force),
+        )
+
+
+def require_leading(motion: Any, key: str) -> None:
+    """Refuse a motion by which no gripper leads; the error names the key."""
+    if isinstance(motion, TurnMotion):
+        raise wrong("turns; a gripper is led by a stroke or a table", field=f"{key}.type")
+    if getattr(motion, "until_force", None) is not None:
+        raise wrong(
+            "belongs to the stroke of a tool; a gripper lets go by release_force",
+            field=f"{key}.until_force",
         )
 
 
@@ -337,8 +363,8 @@ def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Gri
     if not of_bodies:
         raise elsewhere[0]
     return [
-        _grip(entry, f"{entry.name}-{number}" if entry.count > 1 else entry.name, pieces, key)
-        for number, pieces in enumerate(zip(*of_bodies, strict=True), start=1)
+        _grip(entry, name, pieces, key)
+        for name, pieces in zip(entry.names, zip(*of_bodies, strict=True), strict=True)
     ]
 
 

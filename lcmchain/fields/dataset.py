@@ -36,6 +36,7 @@ from lcmchain.materials.law import (
     tells_fibres,
 )
 from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.tools.turn import turning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -230,6 +231,7 @@ def model_datasets(
     histories : of the run; ``"/history"`` holds those of the frames without them.
     attributes : further global attributes of the file, such as the state of the run.
     """
+    frames = replace(frames, tool_turns=turning(model.tools))
     sheets = {b.name: SheetFrames.of_body(scene, model, b, frames) for b in model.bodies}
     return sheets_datasets(scene, sheets, frames, histories, attributes=attributes)
 

@@ -20,7 +20,7 @@ class FrameSeries:
     ----------
     time : [s], shape (F,).
     positions : of all nodes [m], shape (F, node_count, 3).
-    tool_travel : along each tool's direction [m], shape (F, T).
+    tool_travel : along each tool's direction [m], or its angle [rad] if it turns, shape (F, T).
     tool_force : of the blank on each tool [N], shape (F, T, 3).
     energy : parts of the energy balance [J] by name, each of shape (F,).
     tool_names : names of the T tools.
@@ -29,6 +29,7 @@ class FrameSeries:
         they are not known.
     pore_pressure : of the fluid in the elements [Pa], by lane (F, padded_count), see
         :class:`lcmchain.elements.pressed_elements.PressedElements`; None or empty without a fluid.
+    tool_turns : whether each tool turns, shape (T,); None where none does.
     between_plies : contact of plies, (F, FRAME_ROWS, node_count), see
         :mod:`lcmchain.interfaces.in_frames`; None where none touch.
     """
@@ -43,6 +44,7 @@ class FrameSeries:
     contact_force: np.ndarray | None = None
     pore_pressure: np.ndarray | None = None
     between_plies: np.ndarray | None = None
+    tool_turns: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         frames, tools = len(self.time), len(self.tool_names)

@@ -16,7 +16,7 @@ import numpy as np
 from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.thresholds import LARGEST_HIDDEN_FORCE, LARGEST_HIDDEN_THICKNESS
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.motion import GUIDED
+from lcmchain.tools.table import yields
 
 if TYPE_CHECKING:
     from lcmchain.model import Model
@@ -33,7 +33,7 @@ def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, 
     thickness would be larger without the depths, by the law of the material, in parts of it. Both
     are absent where no frame has a sheet between two tools with prescribed motions.
     """
-    tools = [k for k, kind in enumerate(model.tools.motion_kind.tolist()) if kind != GUIDED]
+    tools = np.flatnonzero(~yields(model.tools)).tolist()
     bodies = [body for body in model.bodies if body.mesh.has_thickness]
     if len(tools) < 2 or not bodies:
         return {}

@@ -19,6 +19,9 @@ HISTORY = "/history"
 #: Dimension of the samples of histories, and the coordinate that gives their times.
 SAMPLE = "history_time"
 
+#: Angles of the tools in the frames, where one turns.
+ANGLE = "tool_angle"
+
 _HISTORY = "history"
 _FIELDS = (
     Field(
@@ -58,6 +61,28 @@ _FIELDS = (
         "travel of the tool",
         _HISTORY,
         "along its direction, since the start",
+    ),
+    Field(
+        "history_tool_angle",
+        "rad",
+        "angle of the tool",
+        _HISTORY,
+        "about its axis, since the start; only where a tool turns, and 0 of those that do not",
+    ),
+    Field(
+        "history_tool_moment",
+        "N m",
+        "mean moment of the sheets on the tool",
+        _HISTORY,
+        "about its axis, mean over the interval that ends here; as history_tool_angle",
+    ),
+    Field(
+        "history_tool_stop_force",
+        "N",
+        "mean force of the tool on its stop",
+        _HISTORY,
+        "along the direction of its travel, mean over the interval that ends here; only where a "
+        "guided tool has a stop",
     ),
     Field(
         "history_tool_work",
@@ -101,7 +126,14 @@ def history_dataset(frames: FrameSeries, histories: Histories | None = None) -> 
     return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"})
 
 
+def tool_places(history: xr.Dataset) -> np.ndarray:
+    """Return the travel [m] of every tool in every frame (F, T), or the angle [rad] if it turns."""
+    travel = history["tool_travel"].values
+    return travel + history[ANGLE].values if ANGLE in history else travel
+
+
 def _of_frames(frames: FrameSeries) -> dict[str, Variable]:
+    turns = False if frames.tool_turns is None else frames.tool_turns
     variables: dict[str, Variable] = {
         TIME: saved_times(frames.time),
         "tool": (
@@ -111,10 +143,20 @@ def _of_frames(frames: FrameSeries) -> dict[str, Variable]:
         ),
         "tool_travel": (
             (TIME, "tool"),
-            np.array(frames.tool_travel, dtype=float),
+            np.where(turns, 0.0, np.array(frames.tool_travel, dtype=float)),
             {"units": "m", "long_name": "travel of the tool along its direction"},
         ),
     }
+    if np.any(turns):
+        variables[ANGLE] = (
+            (TIME, "tool"),
+            np.where(turns, np.array(frames.tool_travel, dtype=float), 0.0),
+            {
+                "units": "rad",
+                "long_name": "angle of the tool about its axis",
+                "comment": "0 of tools that do not turn",
+            },
+        )
     for axis, values in zip("xyz", np.moveaxis(frames.tool_force, -1, 0), strict=True):
         variables[f"tool_force_{axis}"] = (
             (TIME, "tool"),
@@ -150,6 +192,11 @@ def _of_histories(histories: Histories) -> dict[str, Variable]:
         "history_tool_travel": histories.tool_travel,
         "history_tool_work": histories.tool_work,
     }
+    if histories.tool_angle is not None and histories.tool_moment is not None:
+        of_tools["history_tool_angle"] = histories.tool_angle
+        of_tools["history_tool_moment"] = histories.tool_moment
+    if histories.tool_stop_force is not None:
+        of_tools["history_tool_stop_force"] = histories.tool_stop_force
     of_grippers: dict[str, np.ndarray] = {}
     if histories.gripper_names:
         names = np.array(histories.gripper_names, dtype=str)

@@ -111,6 +111,8 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
     bears its maximum standing, such as one that force presses against a stop, does no work there
     and has no ``parts_at_maximum``; else ``force_ripple_N`` says by how much the force goes up and
     down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known.
+    A tool that turns has ``angle_end_rad``, ``moment_max_Nm``, the largest mean moment of a
+    sample, and ``moment_end_Nm``.
     ``force_quoted_N`` is the figure to quote, ``force_quoted_uncertainty_N`` how well that is known
     (:func:`figure_to_quote`). ``snaps`` (:func:`snaps`) are there where there are any.
     """
@@ -133,6 +135,7 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
             "force_peak_time_s": float(peak_time[highest, tool]),
             "work_J": float(work[-1, tool]),
         }
+        loads[name] |= _turn_loads(history, tool)
         if np.ptp(travel[:, tool], axis=0) > LEAST_TRAVEL * reach and work[-1, tool] > 0.0:
             first, last = _around(travel[:, tool], int(np.searchsorted(time, middle[top])))
             parts = force_parts(history, tool, first, last)
@@ -157,6 +160,21 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
             if of_tool := snaps(history, tool):
                 loads[name]["snaps"] = of_tool
     return loads
+
+
+def _turn_loads(history: xr.Dataset, tool: int) -> dict[str, float]:
+    """Return angle [rad] and moments [N m] of a tool that turns; nothing of any other one."""
+    if "history_tool_angle" not in history:
+        return {}
+    angle = history["history_tool_angle"].values[:, tool]
+    if not angle.any():
+        return {}
+    moment = history["history_tool_moment"].values[:, tool]
+    return {
+        "angle_end_rad": float(angle[-1]),
+        "moment_max_Nm": float(moment[np.argmax(np.abs(moment))]),
+        "moment_end_Nm": float(moment[-1]),
+    }
 
 
 def force_parts(history: xr.Dataset, tool: int, first: int, last: int) -> dict[str, float]:

@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import sheet_faces, sheet_positions
 from lcmchain.report.pictures import on_faces
 from lcmchain.report.renderer import axes_at, draw_colour_bar, draw_facets, draw_triad
@@ -96,7 +97,7 @@ def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]
             )
             if tools is not None:
                 buffer = DepthBuffer(points[faces], view)
-                travel = history["tool_travel"].values[frame]
+                travel = tool_places(history)[frame]
                 edge = 1e3 * size / 60.0
                 present = tools.in_frame(history, frame)
                 for _, vertices, triangles, colour in present.within(box, travel):

@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 
 from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.fields.stack import PLY, ply_names, without_films
 from lcmchain.fields.summary import has_forces
@@ -77,7 +78,7 @@ def draw_result(
         if shown.name in sheet:
             files.append(out_dir / f"{shown.name}.png")
             draw_field(files[-1], without_films(sheet), shown, frame)
-    travel = history["tool_travel"].values[frame]
+    travel = tool_places(history)[frame]
     if is_stack:
         files += draw_plies(out_dir, datasets, frame)
     else:

@@ -11,6 +11,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.stack import ply_names
 from lcmchain.report.animation import draw_animation
@@ -78,7 +79,7 @@ def draw_stages(
         title = f"{datasets[SHEET].attrs.get('title', '')}  ·  stage {name}"
         sheet = datasets[SHEET].assign_attrs(title=title)
         groups = {**datasets, SHEET: sheet}
-        travel = history["tool_travel"].values[frame]
+        travel = tool_places(history)[frame]
         present = None if tools is None else tools.in_frame(history, frame)
         paths = {what: folder / picture_name(number, name, what) for what in CAPTIONS_OF_STAGE}
         draw_field(paths["shear_angle"], sheet, SHOWN[0], frame)

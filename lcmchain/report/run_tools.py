@@ -12,6 +12,7 @@ from lcmchain.fields.stages import STAGE
 from lcmchain.report.style import SERIES
 from lcmchain.scene.stages import at_work
 from lcmchain.tools.drawing import clip_to_box, tool_surface
+from lcmchain.tools.turn import placed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,9 +70,9 @@ class RunTools:
     def within(
         self, box: np.ndarray, travel: np.ndarray
     ) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
-        """Yield name, points [m], triangles and colour of what lies in a box at a travel (T,)."""
+        """Yield name, points [m], triangles and colour of what lies in a box at travels (T,)."""
         for tool, (points, triangles) in enumerate(self.surfaces):
             if not self.shows(tool):
                 continue
-            moved = points + travel[tool] * self.table.direction[tool]
+            moved = placed(self.table, tool, points, travel[tool])
             yield self.names[tool], *clip_to_box(moved, triangles, box), self.colours[tool]

@@ -470,7 +470,7 @@ class Scene(SceneModel):
                 )
             return self
         motions = [*(tool.motion for tool in self.tools), *(grip.motion for grip in self.grippers)]
-        led = any(motion.kind == PRESCRIBED for motion in motions)
+        led = any(motion.kind == PRESCRIBED and not motion.turns for motion in motions)
         reason = why_time_is_needed(self, led)
         if reason is not None:
             raise wrong(f'is missing, and {reason}; give time = "200 ms"', field="process.time")

@@ -16,6 +16,8 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 from pydantic_core import PydanticCustomError
 
+from lcmchain.effects.grippers import require_leading
+from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Name,
@@ -40,7 +42,14 @@ from lcmchain.scene.resin_stages import (
     require_resin,
     with_places_of_stages,
 )
-from lcmchain.tools.motion import GUIDED, FixedMotion, Motion, StrokeMotion, TableMotion
+from lcmchain.tools.motion import (
+    GUIDED,
+    FixedMotion,
+    Motion,
+    StrokeMotion,
+    TableMotion,
+    TurnMotion,
+)
 from lcmchain.tools.motion.travel import travel_along
 
 #: Straight pieces of a smooth stroke in the course over all stages, which checks and pictures use.
@@ -107,7 +116,8 @@ class StagePlan(NamedTuple):
     stage : its table. start, end : [s] of the process.
     motions : of every tool, in the order of the scene.
     load_starts : when the load of each tool begins to come on, if it is guided [s].
-    axes : direction of travel of every tool, a unit vector, or None where it never moves.
+    axes : direction of travel of every tool, a unit vector, or None where it never moves; of one
+        that turns 0.
     grip_motions : of every gripper entry.
     tools, grippers, pressures, interfaces : whether each entry of the scene is at work.
     begins : for the grippers and pressures, when the run of stages began in which they are at work
@@ -151,6 +161,19 @@ def stage_at(scene: Any, time: float) -> int:
 def number_at(ends: Sequence[float], time: float) -> int:
     """Return the number of the stage of a time [s]; a border belongs to the one that ends there."""
     return min(int(np.searchsorted(ends, time * (1.0 - 1e-12))), len(ends) - 1)
+
+
+def number_of_stage(scene: Any, name: str, *, key: str) -> int:
+    """Return the number of a stage.
+
+    Raises
+    ------
+    InputError : there is none of this name; names the key.
+    """
+    names = [stage.name for stage in scene.stages]
+    if name not in names:
+        raise InputError(_no_such(name, names, "stage"), key=key)
+    return names.index(name)
 
 
 def frame_times(scene: Any) -> np.ndarray:
@@ -361,7 +384,7 @@ def _require_motions(scene: Any) -> None:
     for kind in ("tools", "grippers"):
         for number, entry in enumerate(getattr(scene, kind)):
             key = f'{kind}[{number}] "{entry.name}"'
-            if isinstance(entry.motion, StrokeMotion | TableMotion):
+            if isinstance(entry.motion, StrokeMotion | TableMotion | TurnMotion):
                 raise wrong(
                     f"is a {entry.motion.type}, but the scene has stages: write it in the stage in "
                     f"which it happens, as stages.{first}.motions.{entry.name}",
@@ -411,6 +434,7 @@ def _require_led(gripper: Any, stage: Stage, key: str) -> None:
         )
     if motion.kind == GUIDED:
         raise wrong("is guided; a gripper is led by a stroke or a table", field=f"{key}.type")
+    require_leading(motion, key)
     if motion.moves and gripper.hold != "xyz":
         raise wrong(f'leads the gripper "{gripper.name}"; give it hold = "xyz"', field=key)
 
@@ -427,10 +451,41 @@ def _directions(tool: Any, stages: Sequence[Stage]) -> Iterator[tuple[str, np.nd
 
 def _axis(tool: Any, stages: Sequence[Stage]) -> np.ndarray | None:
     """Return the direction along which the travel of a tool counts, None where it never moves."""
+    if _turns(tool, stages):
+        return np.zeros(3)
     return next((direction for _, direction in _directions(tool, stages)), None)
 
 
+def _turns(tool: Any, stages: Sequence[Stage]) -> list[tuple[str, TurnMotion]]:
+    """Return the turns of a tool, each behind the name of its stage."""
+    named = [(stage.name, stage.motions.get(tool.name)) for stage in stages]
+    return [(name, motion) for name, motion in named if isinstance(motion, TurnMotion)]
+
+
+def _require_one_turn(scene: Any, tool: Any) -> None:
+    """Refuse a tool that turns about several axes, or goes along a line as well."""
+    turns = _turns(tool, scene.stages)
+    for name, _ in _directions(tool, scene.stages) if turns else ():
+        key = f"stages.{name}.motions.{tool.name}" if name else f"tools.{tool.name}.motion"
+        raise wrong(
+            f'moves "{tool.name}" along a line, but in stages.{turns[0][0]} it turns; give a '
+            "second tool of the same shape for one of them",
+            field=f"{key}.type",
+        )
+    for name, turn in turns:
+        first = turns[0][1]
+        axes = [np.array(motion.axis) / np.linalg.norm(motion.axis) for motion in (first, turn)]
+        if np.abs(axes[0] - axes[1]).max() > PARALLEL or turn.point != first.point:
+            raise wrong(
+                f'turns "{tool.name}" about another axis than before; give the axis and point of '
+                f"stages.{turns[0][0]} (a negative angle turns back), or a second tool of the same "
+                "shape",
+                field=f"stages.{name}.motions.{tool.name}.axis",
+            )
+
+
 def _require_one_axis(scene: Any, number: int, tool: Any) -> None:
+    _require_one_turn(scene, tool)
     found = list(_directions(tool, scene.stages))
     for name, direction in found:
         if abs(abs(direction @ found[0][1]) - 1.0) > PARALLEL:
@@ -509,7 +564,7 @@ def _course(scene: Any, number: int) -> Any:
         motion = stage.motions.get(tool.name)
         if motion is not None and motion.moves:
             travel, sign = travel_along(motion, stage.time), 1.0
-            if np.array(motion.direction) @ axis < 0.0:
+            if not isinstance(motion, TurnMotion) and np.array(motion.direction) @ axis < 0.0:
                 sign = -1.0
             for time in _knots(motion, stage.time):
                 times.append(start + time)
@@ -517,12 +572,17 @@ def _course(scene: Any, number: int) -> Any:
             gone = travels[-1]
         start += stage.time
     order = [k for k in range(len(times)) if k == 0 or times[k] > times[k - 1] + 1e-12 * start]
-    return TableMotion(
+    turns = _turns(tool, stages)
+    course = TableMotion(
         type="table",
-        direction=tuple(axis.tolist()),
+        direction=(0.0, 0.0, 1.0) if turns else tuple(axis.tolist()),
         times=tuple(times[k] for k in order),
         travel=tuple(travels[k] for k in order),
     )
+    own = [getattr(stage.motions.get(tool.name), "until_force", None) for stage in stages]
+    if turns:
+        course = course.about(turns[0][1].axis, turns[0][1].point)
+    return course.at_most(min((force for force in own if force is not None), default=math.inf))
 
 
 def _knots(motion: Any, time: float) -> list[float]:

@@ -12,7 +12,7 @@ import hashlib
 import io
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,9 @@ class Checkpoint:
 
     ``fingerprint`` is that of the run (:func:`lcmchain.fingerprint.run_fingerprint`), ``wall_s``
     the computing time spent so far, ``step_history`` the steps made under each cause,
-    ``frame_file`` where the first of the snapshots lie already.
+    ``frame_file`` where the first of the snapshots lie already. For runs that go on from a stage
+    (:mod:`lcmchain.solver.stage_start`) it holds the scene's ``values``, when its stages end [s],
+    and at the end of one a ``digest`` of the model so far.
     """
 
     fingerprint: Fingerprint
@@ -46,6 +48,9 @@ class Checkpoint:
     wall_s: float
     step_history: dict[str, int]
     frame_file: FrameFile
+    values: dict[str, Any] = field(default_factory=dict)
+    stage_ends: tuple[float, ...] = ()
+    digest: str = ""
 
 
 def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
@@ -61,6 +66,9 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
         "frame_names": sorted(snapshots[0].arrays),
         "frame_bytes": frame_file.length,
         "frame_sha256": frame_file.sha256,
+        "values": checkpoint.values,
+        "stage_ends": checkpoint.stage_ends,
+        "digest": checkpoint.digest,
     }
     arrays: dict[str, Any] = {
         f"state_{name}": array for name, array in checkpoint.state.as_dict().items()
@@ -78,8 +86,12 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
     return path
 
 
-def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
+def read_checkpoint(
+    folder: Path, fingerprint: Fingerprint, *, of_other_scene: bool = False
+) -> Checkpoint:
     """Read the checkpoint in ``folder`` of the run with this fingerprint.
+
+    of_other_scene : take that of another scene as well, with the same files and sources.
 
     Raises
     ------
@@ -90,10 +102,11 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
     with np.load(io.BytesIO(_verified_content(path)), allow_pickle=False) as data:
         header = json.loads(str(data["header"]))
         found = Fingerprint(**header["fingerprint"])
-        if found != fingerprint:
+        wanted = fingerprint._replace(scene=found.scene) if of_other_scene else fingerprint
+        if found != wanted:
+            way = "--from" if of_other_scene else "--resume, or into another folder"
             raise InputError(
-                f"the checkpoint was written for {found.difference(fingerprint)}; run without "
-                "--resume, or into another folder",
+                f"the checkpoint was written for {found.difference(wanted)}; run without {way}",
                 file=path,
             )
         state = State.from_arrays(_named(data, "state_"))
@@ -102,8 +115,9 @@ def read_checkpoint(folder: Path, fingerprint: Fingerprint) -> Checkpoint:
     frames = frame_file.read(header["frame_names"], header["frame_sha256"])
     snapshots = [Snapshot(*frame) for frame in zip(times, header["energies"], frames, strict=True)]
     return Checkpoint(
-        found, state, snapshots, float(header["wall_s"]), dict(header["step_history"]), frame_file
-    )
+        found, state, snapshots, float(header["wall_s"]), dict(header["step_history"]), frame_file,
+        header["values"], tuple(header["stage_ends"]), header["digest"],
+    )  # fmt: skip
 
 
 def _verified_content(path: Path) -> bytes:

@@ -32,6 +32,7 @@ from lcmchain.tools.span_rows import (
     vector_at,
 )
 from lcmchain.tools.table import ToolTable
+from lcmchain.tools.turn import arm_at
 
 # Rows of the scratch array of a span, behind those of the distance; of vectors the first of three.
 # What the nodes have:
@@ -56,7 +57,10 @@ PENDING = DISTANCE_ROWS + 24
 TAKEN = DISTANCE_ROWS + 27
 ALL_TAKEN = DISTANCE_ROWS + 28
 HELD = DISTANCE_ROWS + 31  # further depth that the springs feel [m]
-ROWS = DISTANCE_ROWS + 32
+# Velocity of the tool at the nodes, and that for a turn of 1 rad/s: of tools of which one turns.
+TOOL_VELOCITY = DISTANCE_ROWS + 32  # [m/s]
+ARM = DISTANCE_ROWS + 35  # [m]
+ROWS = DISTANCE_ROWS + 38
 # Behind them, what is kept for every tool: gap and normal, and a row that begins with 1 where the
 # span touches the tool, else with 0.
 TOUCHED = 4
@@ -202,19 +206,27 @@ def add_span_forces(
                 speed * direction[tool, 1],
                 speed * direction[tool, 2],
             )
+            turn_axis = tools.turn_axis
+            find_tool_velocities(
+                turn_axis, tools, tool, velocity, speed, arrays.position, begin, count, work
+            )
             coefficient = tools.friction[tool]
             if coefficient > 0.0:
                 stick = arrays.stick[tool]
                 load_rows(stick, begin, count, STICK, work)
                 make_forces(
-                    environment, arrays.free, velocity, coefficient, count, dt_last, dt, work
-                )
+                    environment, arrays.free, turn_axis, velocity, coefficient, count, dt_last, dt,
+                    work,
+                )  # fmt: skip
                 store_rows(work, STICK, stick, begin, count)
             else:
-                make_forces(environment, arrays.free, velocity, None, count, dt_last, dt, work)
+                make_forces(
+                    environment, arrays.free, turn_axis, velocity, None, count, dt_last, dt, work
+                )
             if touching > 1:
-                share_damping(velocity, dt_last, dt, work)
+                share_damping(turn_axis, velocity, dt_last, dt, work)
             add_sums(work, sums, WORK_COLUMNS + TOOL_COLUMNS * tool)
+            add_moment(turn_axis, work, sums, WORK_COLUMNS + TOOL_COLUMNS * tools.kind.size + tool)
     if touching > 1:
         add_shared_damping(arrays.free, dt_last, dt, work, sums)
         clear(PENDING, work)
@@ -240,7 +252,39 @@ def add_pending(penalty, work):
 
 
 @span_part
-def share_damping(tool_velocity, dt_last, dt, work):
+def find_tool_velocities(
+    turn_axis, tools, tool, tool_velocity, speed, position, begin, count, work
+):
+    """Write the velocities of a tool at the nodes, and those for 1 rad/s, where a tool turns."""
+    if turn_axis is not None:
+        load_rows(position, begin, count, ARM, work)
+        for i in range(SPAN):
+            x, y, z = vector_at(work, ARM, i)
+            arm = arm_at(tools, tool, x, y, z)
+            put_vector(work, ARM, i, arm)
+            put_vector(work, TOOL_VELOCITY, i, plus(speed, arm, tool_velocity))
+
+
+@equation
+def velocity_of_tool(turn_axis, tool_velocity, work, i):
+    """Return the velocity of a tool at a node [m/s]: everywhere the same where no tool turns."""
+    if turn_axis is not None:
+        return vector_at(work, TOOL_VELOCITY, i)
+    return tool_velocity
+
+
+@span_part
+def add_moment(turn_axis, work, sums, column):
+    """Sum up the moment of the forces on a tool about its axis, where a tool turns."""
+    if turn_axis is not None:
+        moment = 0.0
+        for i in range(SPAN):
+            moment += dot(vector_at(work, ADDED, i), vector_at(work, ARM, i))
+        sums[column] -= moment
+
+
+@span_part
+def share_damping(turn_axis, tool_velocity, dt_last, dt, work):
     """Set aside what damping takes off the springs, and leave of its energy the part of the tool.
 
     The mean velocity of a node is known when all tools have added their forces.
@@ -249,7 +293,8 @@ def share_damping(tool_velocity, dt_last, dt, work):
     for i in range(SPAN):
         normal, taken = vector_at(work, NORMAL_X, i), work[TAKEN * SPAN + i]
         put_vector(work, ALL_TAKEN, i, plus(taken, normal, vector_at(work, ALL_TAKEN, i)))
-        work[DAMPED * SPAN + i] = -interval * taken * dot(tool_velocity, normal)
+        moving = velocity_of_tool(turn_axis, tool_velocity, work, i)
+        work[DAMPED * SPAN + i] = -interval * taken * dot(moving, normal)
 
 
 @span_part
@@ -333,7 +378,7 @@ def load_span(arrays, free, gravity, begin, count, work):
 
 
 @span_part
-def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, dt, work):
+def make_forces(environment, free, turn_axis, tool_velocity, coefficient, count, dt_last, dt, work):
     """Add pressure and friction to the forces on the nodes, and move the friction springs on.
 
     Without friction ``coefficient`` is None. The spring of a node that lifts off is lost, and its
@@ -348,7 +393,8 @@ def make_forces(environment, free, tool_velocity, coefficient, count, dt_last, d
         normal = vector_at(work, NORMAL_X, i)
         before = vector_at(work, FORCE, i)
         others = plus(1.0, vector_at(work, PENDING, i), before)
-        velocity = plus(-1.0, tool_velocity, vector_at(work, VELOCITY, i))
+        moving = velocity_of_tool(turn_axis, tool_velocity, work, i)
+        velocity = plus(-1.0, moving, vector_at(work, VELOCITY, i))
         leaving = dot(velocity, normal)
         movable = normal
         if free is not None:

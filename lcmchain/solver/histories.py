@@ -72,6 +72,8 @@ def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None
             state.tool_work[tool],
             *state.tool_impulse[tool],
             *state.tool_peak[tool],
+            state.tool_stop_impulse[tool],
+            state.tool_moment_impulse[tool] if state.tool_moment_impulse.size else 0.0,
         )
     first = own + width * state.tool_travel.size
     width = len(GRIPPER_SAMPLE_COLUMNS)
@@ -86,6 +88,20 @@ def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None
 def let_go_times(model: Model, state: State) -> list[float]:
     """Return when every gripper let go [s], infinite where it has not, as the scene orders them."""
     return _of_grips(model, state.gripper_let_go, state.support_let_go)
+
+
+def grip_forces(model: Model, state: State) -> list[np.ndarray]:
+    """Return the force of every gripper on the sheets at the last step (3,) [N], in that order."""
+    return _of_grips(model, state.gripper_force, state.support_force)
+
+
+def grippers_at_work(model: Model) -> list[bool]:
+    """Return whether every gripper is at work in the present stage, in that order."""
+    stage = model.present_stage
+    if stage is None:
+        return [True for _ in model.grips]
+    works = _of_grips(model, stage.grippers_at_work, stage.supports_at_work)
+    return [bool(one) for one in works]
 
 
 def _of_grips(model: Model, pulled: np.ndarray, supports: np.ndarray) -> list[Any]:

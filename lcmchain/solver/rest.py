@@ -132,6 +132,8 @@ def pass_time(model: Model, state: State, until: float, energy: dict[str, float]
         end = min(due, until)
         passed = end - state.time
         state.tool_impulse += passed * state.tool_force
+        state.tool_stop_impulse += passed * state.tool_stop_force
+        state.tool_moment_impulse += passed * state.tool_moment
         state.support_impulse += passed * state.support_force
         state.gripper_impulse += passed * state.gripper_force
         state.clock[TIME] = end

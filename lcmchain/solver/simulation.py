@@ -60,6 +60,7 @@ from lcmchain.state import (
 )
 from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
+from lcmchain.tools.turn import lever, turning
 
 #: Files that register what interactions do in a step; without them they would do nothing.
 ACTING = (
@@ -613,6 +614,13 @@ class Simulation:
         find_near_nodes(self._arrays, model.tools, reach)
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
+        """Return how fast a tool will move at most at the nodes [m/s]."""
+        travel_speed = self._coming_travel_speed(tool, interval)
+        if not turning(self.model.tools)[tool]:
+            return travel_speed
+        return travel_speed * lever(self.model.tools, tool, self.state.position.T)
+
+    def _coming_travel_speed(self, tool: int, interval: float) -> float:
         state, tools, pace = self.state, self.model.tools, self.state.pace
         if state.driven[tool]:
             return abs(pace * float(state.tool_input[tool, 0]))

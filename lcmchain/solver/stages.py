@@ -68,7 +68,8 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
     for tool in np.flatnonzero(before.tools_at_work & ~now.tools_at_work).tolist():
         _take_away(state, CONTACT, _take_contact_away(model, state, tool))
     _hold_guided(before, now, state)
-    state.tool_start[:, START_TRAVEL] = state.tool_travel
+    onward = _at_same_stop(before, now)
+    state.tool_start[~onward, START_TRAVEL] = state.tool_travel[~onward]
     state.tool_start[:, START_OVERLAP] = overlap
     _begin_grippers(model, state, before, now)
     if model.supports is not None:
@@ -163,6 +164,13 @@ def _hold_guided(before: StageTables, now: StageTables, state: State) -> None:
         velocity = float(state.tool_velocity[tool])
         _take_away(state, KINETIC, 0.5 * float(before.tools.mass[tool]) * velocity**2)
         state.tool_velocity[tool] = 0.0
+
+
+def _at_same_stop(before: StageTables, now: StageTables) -> np.ndarray:
+    """Return which tools (T,) go on under their load to the same stop, which stays where it is."""
+    guided = (before.tools.motion_kind == GUIDED) & (now.tools.motion_kind == GUIDED)
+    same = before.tools.load_start == now.tools.load_start
+    return guided & same & np.isfinite(now.tools.stop)
 
 
 def _begin_grippers(model: Model, state: State, before: StageTables, now: StageTables) -> None:

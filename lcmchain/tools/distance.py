@@ -15,6 +15,7 @@ from numba import njit
 
 from lcmchain.jit import FLOATING_POINT, equation
 from lcmchain.tools.profiles import ARC
+from lcmchain.tools.turn import local_axis_at, origin_at
 
 #: Values of ToolTable.kind.
 PLANE = 0
@@ -179,7 +180,7 @@ def signed_distance(table, tool, x, y, z, travel):
     table : ToolTable.
     tool : index of the tool.
     x, y, z : point [m].
-    travel : travel [m] of the tool along its direction.
+    travel : travel [m] of the tool along its direction, or angle [rad] about its axis.
 
     Returns
     -------
@@ -187,28 +188,24 @@ def signed_distance(table, tool, x, y, z, travel):
     for the analytic shapes. For a surface mesh: interpolated near the surface, else a gap whose
     magnitude is a lower bound of the distance.
     """
-    x -= table.origin[tool, 0] + travel * table.direction[tool, 0]
-    y -= table.origin[tool, 1] + travel * table.direction[tool, 1]
-    z -= table.origin[tool, 2] + travel * table.direction[tool, 2]
+    x0, y0, z0 = origin_at(table.turn_axis, table, tool, travel)
+    x -= x0
+    y -= y0
+    z -= z0
     kind = table.kind[tool]
+    zx, zy, zz = local_axis_at(table.turn_axis, table, tool, travel, 2)
     if kind == PLANE:
-        nx = table.rotation[tool, 2, 0]
-        ny = table.rotation[tool, 2, 1]
-        nz = table.rotation[tool, 2, 2]
+        nx, ny, nz = zx, zy, zz
         return x * nx + y * ny + z * nz, nx, ny, nz
 
     aligned = table.aligned[tool] != 0
+    xx, xy, xz = local_axis_at(table.turn_axis, table, tool, travel, 0)
+    yx, yy, yz = local_axis_at(table.turn_axis, table, tool, travel, 1)
     if not aligned:
         x, y, z = (
-            table.rotation[tool, 0, 0] * x
-            + table.rotation[tool, 0, 1] * y
-            + table.rotation[tool, 0, 2] * z,
-            table.rotation[tool, 1, 0] * x
-            + table.rotation[tool, 1, 1] * y
-            + table.rotation[tool, 1, 2] * z,
-            table.rotation[tool, 2, 0] * x
-            + table.rotation[tool, 2, 1] * y
-            + table.rotation[tool, 2, 2] * z,
+            xx * x + xy * y + xz * z,
+            yx * x + yy * y + yz * z,
+            zx * x + zy * y + zz * z,
         )
     if kind == FIELD:
         gap, nx, ny, nz = field_distance(
@@ -245,15 +242,9 @@ def signed_distance(table, tool, x, y, z, travel):
         return gap, nx, ny, nz
     return (
         gap,
-        table.rotation[tool, 0, 0] * nx
-        + table.rotation[tool, 1, 0] * ny
-        + table.rotation[tool, 2, 0] * nz,
-        table.rotation[tool, 0, 1] * nx
-        + table.rotation[tool, 1, 1] * ny
-        + table.rotation[tool, 2, 1] * nz,
-        table.rotation[tool, 0, 2] * nx
-        + table.rotation[tool, 1, 2] * ny
-        + table.rotation[tool, 2, 2] * nz,
+        xx * nx + yx * ny + zx * nz,
+        xy * nx + yy * ny + zy * nz,
+        xz * nx + yz * ny + zz * nz,
     )
 
 

@@ -14,6 +14,7 @@ from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_dista
 from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT, NORMAL
 from lcmchain.tools.profiles import ARC
 from lcmchain.tools.span_rows import SPAN, load_rows
+from lcmchain.tools.turn import local_axis_at, origin_at
 
 # Rows of ``work``, each of one value per point. What the caller gets:
 GAP = 0
@@ -63,26 +64,22 @@ def span_distances(table, tool, position, first, count, travel, work):
     else:
         profile_distances(table, tool, kind == REVOLVED, work)
     if table.aligned[tool] == 0:
-        normals_from_tool_frame(table.rotation[tool], work)
+        normals_from_tool_frame(table, tool, travel, work)
 
 
 @span_part
 def to_tool_frame(table, tool, travel, work):
     """Take the nodes to the frame of the tool."""
-    origin, direction = table.origin, table.direction
-    x0 = origin[tool, 0] + travel * direction[tool, 0]
-    y0 = origin[tool, 1] + travel * direction[tool, 1]
-    z0 = origin[tool, 2] + travel * direction[tool, 2]
+    x0, y0, z0 = origin_at(table.turn_axis, table, tool, travel)
     if table.aligned[tool] != 0:
         for i in range(SPAN):
             work[LOCAL_X * SPAN + i] -= x0
             work[LOCAL_Y * SPAN + i] -= y0
             work[LOCAL_Z * SPAN + i] -= z0
         return
-    axes = table.rotation[tool]
-    xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
-    yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
-    zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
+    xx, xy, xz = local_axis_at(table.turn_axis, table, tool, travel, 0)
+    yx, yy, yz = local_axis_at(table.turn_axis, table, tool, travel, 1)
+    zx, zy, zz = local_axis_at(table.turn_axis, table, tool, travel, 2)
     for i in range(SPAN):
         dx = work[LOCAL_X * SPAN + i] - x0
         dy = work[LOCAL_Y * SPAN + i] - y0
@@ -93,10 +90,10 @@ def to_tool_frame(table, tool, travel, work):
 
 
 @span_part
-def normals_from_tool_frame(axes, work):
-    xx, xy, xz = axes[0, 0], axes[0, 1], axes[0, 2]
-    yx, yy, yz = axes[1, 0], axes[1, 1], axes[1, 2]
-    zx, zy, zz = axes[2, 0], axes[2, 1], axes[2, 2]
+def normals_from_tool_frame(table, tool, travel, work):
+    xx, xy, xz = local_axis_at(table.turn_axis, table, tool, travel, 0)
+    yx, yy, yz = local_axis_at(table.turn_axis, table, tool, travel, 1)
+    zx, zy, zz = local_axis_at(table.turn_axis, table, tool, travel, 2)
     for i in range(SPAN):
         nx = work[NORMAL_X * SPAN + i]
         ny = work[NORMAL_Y * SPAN + i]

@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.tools.distance import REVOLVED
 from lcmchain.tools.level_part import COLUMNS, level_part
+from lcmchain.tools.motion import GUIDED
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
 from lcmchain.tools.tool import Tool
 
@@ -23,8 +24,11 @@ class ToolTable(NamedTuple):
     origin : positions [m] at travel 0, shape [T, 3].
     rotation : rows are the local axes in global coordinates, shape [T, 3, 3]; the local z of a
         plane is its outward normal.
-    aligned : 1 where the rotation is the identity, shape [T].
+    aligned : 1 where the rotation is the identity and stays it, shape [T].
     direction : unit directions of travel, shape [T, 3].
+    turn_axis, turn_point : unit axis and a point of it [m] of tools that turn, shape [T, 3]; the
+        axis is 0 for all others. Both None where no tool turns. The travel of one that does is its
+        angle [rad], and its direction is 0.
     friction : Coulomb friction coefficients, shape [T].
     initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
         :mod:`lcmchain.tools.initial_overlap`.
@@ -36,6 +40,10 @@ class ToolTable(NamedTuple):
     load_start : time [s] at which weight and force of a guided tool begin to come on, shape [T].
     travel_start : travel [m] that prescribed motions count from, shape [T]: 0, or what a tool has
         gone by when a stage begins.
+    stop : travel [m] after ``travel_start`` at which a guided tool is held; its sign is that of the
+        way there; infinite without a stop, shape [T].
+    until_force : force [N] of the sheets against a stroke at which it ends; infinite where none
+        does, shape [T].
     stroke_profile, stroke_distance, stroke_start, stroke_end : kind, travel [m] and times [s] of
         prescribed strokes, shape [T].
     table_start, table_times, table_travels : tabulated motions one after the other; tool t owns
@@ -52,6 +60,8 @@ class ToolTable(NamedTuple):
     rotation: np.ndarray
     aligned: np.ndarray
     direction: np.ndarray
+    turn_axis: np.ndarray | None
+    turn_point: np.ndarray | None
     friction: np.ndarray
     initial_overlap: np.ndarray
     motion_kind: np.ndarray
@@ -62,6 +72,8 @@ class ToolTable(NamedTuple):
     ramp: np.ndarray
     load_start: np.ndarray
     travel_start: np.ndarray
+    stop: np.ndarray
+    until_force: np.ndarray
     stroke_profile: np.ndarray
     stroke_distance: np.ndarray
     stroke_start: np.ndarray
@@ -136,12 +148,19 @@ def build_tool_table(
         return [row[name] for row in rows]
 
     count = len(tools)
+    turn_axis = column("turn_axis", width=(3,))
+    turns = turn_axis.any(axis=1)
     return ToolTable(
         kind=column("kind", np.int64),
         origin=np.array([tool.position for tool in tools], dtype=float).reshape(count, 3),
         rotation=np.array(rotations, dtype=float).reshape(count, 3, 3),
-        aligned=np.array([np.array_equal(r, np.eye(3)) for r in rotations], dtype=np.int64),
+        aligned=np.array(
+            [np.array_equal(r, np.eye(3)) and not turn for r, turn in zip(rotations, turns)],
+            dtype=np.int64,
+        ),
         direction=column("direction", width=(3,)),
+        turn_axis=turn_axis if turns.any() else None,
+        turn_point=column("turn_point", width=(3,)) if turns.any() else None,
         friction=np.array(
             [default_friction if tool.friction is None else tool.friction for tool in tools],
             dtype=float,
@@ -155,6 +174,8 @@ def build_tool_table(
         ramp=column("ramp"),
         load_start=column("load_start"),
         travel_start=column("travel_start"),
+        stop=column("stop"),
+        until_force=column("until_force"),
         stroke_profile=column("stroke_profile", np.int64),
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),
@@ -180,6 +201,14 @@ def build_tool_table(
         coefficients=_joined(parts("coefficients"), np.zeros(0, np.float32)),
         far_bound=_joined(parts("far_bound"), np.zeros(0, np.int8)),
     )
+
+
+def yields(tools: ToolTable) -> np.ndarray:
+    """Return of which tools, shape [T], a force decides how far they go.
+
+    A load guides them, or ends their stroke.
+    """
+    return (tools.motion_kind == GUIDED) | np.isfinite(tools.until_force)
 
 
 def in_frame_of(tool: Tool, axes: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -28,6 +28,9 @@ SHOWN = {
     "hold the blank by springs in place of a blank holder": lambda sim: (
         20.0 < 1e3 * -sim.state.position[2].min() < 60.0
     ),
+    "hold the blank by segments, each with a force of its own": lambda sim: (
+        sim.state.tool_impulse[2:4, 2].min() > 2.0 * sim.state.tool_impulse[4:, 2].max()
+    ),
     "form a stack of plies": lambda sim: len(sim.model.bodies) == 3,
     "reinforce a place by a patch": lambda sim: sim.state.ply_facet.max() >= 0,
     "press a sheet onto a tool by a vacuum bag": lambda sim: sim.state.position[2].min() < 5e-3,
@@ -45,7 +48,7 @@ SLOW = {
 }
 
 
-def test_there_are_eight_jobs_and_each_scene_is_short():
+def test_there_are_nine_jobs_and_each_scene_is_short():
     assert list(JOBS) == list(SHOWN)
     assert max(text.count("\n") for text in JOBS.values()) <= LONGEST
 

@@ -6,12 +6,16 @@ import zipfile
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
+from fmpy.validation import validate_fmu
 from staged_strip import simulation_of, text_of
 
 from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.forming_variables import GRIPPERS
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.saved_state import SavedState
 from lcmchain.fmu.status import Status
+from lcmchain.fmu.variables import Kind
 
 MS = 1e-3
 NAMES = ("press", "hold", "pull")
@@ -108,3 +112,47 @@ def test_a_state_of_a_later_stage_is_taken_at_the_start(open_one):
     for one in (unit, other):
         step_to(one, 5)
     assert_same(other.save().part, unit.save().part)
+
+
+def test_outputs_tell_what_grippers_do(open_one):
+    """Force and way of each, whether it holds, and the same after a rollback."""
+    unit, reference = open_one("grips"), simulation_of(*NAMES)
+    slots = unit.values.layout.slots
+
+    def outputs():
+        found = unit.part.outputs(GRIPPERS)
+        assert set(found) <= set(slots)
+        return found
+
+    step_to(unit, 2)
+    before = outputs()
+    assert before["clamp.holds"] == before["spring.holds"] == 0.0  # not at work yet
+    saved = unit.save()
+    step_to(unit, 4)
+    first = outputs()
+    assert stage_of(unit) == AFTER and first["clamp.holds"] == first["spring.holds"] == 1.0
+    for number in (1, 2, 3, 4):
+        reference.advance_to(number * STEP, lambda _: reference.require_resolved())
+    state = reference.state
+    for axis, pull, hold in zip("xyz", state.gripper_force[0], state.support_force[0]):
+        assert first[f"spring.grip_force_{axis}"] == pull
+        assert first[f"clamp.grip_force_{axis}"] == hold
+    grip = reference.model.grips[1]
+    way = state.position[:, grip.nodes] @ grip.weights - grip.place
+    assert first["spring.grip_force_x"] > 0.0
+    assert abs(way[0]) > 1e-6 and first["spring.grip_travel_x"] == way[0]
+    assert unit.restore(saved) is Status.OK
+    assert outputs() == before
+    step_to(unit, 4)
+    assert outputs() == first
+    (holds,) = [v for v in unit.values.layout.variables if v.name == "clamp.holds"]
+    assert holds.kind is Kind.BOOLEAN
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_unit_with_grippers_is_valid(tmp_path, fmi):
+    path = tmp_path / "strip.toml"
+    path.write_text(text_of(*NAMES), encoding="utf-8")
+    unit = build_fmu(path, tmp_path / "strip.fmu", fmi=fmi)
+    assert validate_fmu(str(unit)) == []
+    assert "clamp.holds" in {v.name for v in read_model_description(str(unit)).modelVariables}

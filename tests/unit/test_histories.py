@@ -207,7 +207,12 @@ def test_the_file_holds_the_histories_with_a_time_of_their_own(datasets, histori
         np.testing.assert_array_equal(found, histories.tool_force[..., axis])
     # the sheet's own time stands in results whose pace is found (effects/test_pace.py)
     # and grippers in those that have some (effects/test_grippers.py)
-    others = ("history_sheet_time", "history_gripper_force", "history_gripper_travel")
+    # and stops and turns in those of tools that have some (effects/test_tool_stops.py and
+    # test_turning_tools.py)
+    others = (
+        "history_sheet_time", "history_gripper_force", "history_gripper_travel",
+        "history_tool_angle", "history_tool_moment", "history_tool_stop_force",
+    )  # fmt: skip
     for field in [f for f in HISTORY_FIELDS.values() if f.name not in others]:
         for name in field.variables:
             assert history[name].attrs["units"] == field.units

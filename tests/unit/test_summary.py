@@ -104,6 +104,7 @@ def summary_of(scene, datasets, energies=ENERGIES, **changes):
         state=SimpleNamespace(
             step_count=1250,
             penetration_max=np.array([2e-5, 3e-5]),
+            tool_stopped=np.full((2, 1, 2), np.inf),
             counters=np.where(np.arange(HALVINGS + 1) == HALVINGS, 2, 7),
         ),
         control=SimpleNamespace(history={"in-plane stiffness": 1000, "contact stiffness": 250}),

@@ -197,9 +197,19 @@ function meshOf(field, points, values) {
   };
 }
 
+// Points x, y, z one after the other, turned by the nine numbers of a rotation; as they are without.
+function turned(points, turn) {
+  if (!turn) return points;
+  const found = new Float32Array(points.length);
+  for (let n = 0; n < points.length; n += 3)
+    for (let i = 0; i < 3; i += 1)
+      found[n + i] = turn[3 * i] * points[n] + turn[3 * i + 1] * points[n + 1] + turn[3 * i + 2] * points[n + 2];
+  return found;
+}
+
 function toolsAt(frameNumber) {
   return view.tools.map((tool) => {
-    const { x, y, z } = columns(floats(tool.points));
+    const { x, y, z } = columns(turned(floats(tool.points), tool.turn && tool.turn[frameNumber]));
     const corners = integers(tool.triangles);
     const [dx, dy, dz] = tool.shift[frameNumber];
     const pick = (k) => Array.from({ length: corners.length / 3 }, (_, n) => corners[3 * n + k]);

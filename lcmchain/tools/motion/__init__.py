@@ -1,4 +1,4 @@
-"""Motion of rigid tools along a fixed direction: at rest, prescribed over time, or guided.
+"""Motion of rigid tools: at rest, prescribed along a direction or about an axis, or guided.
 
 A motion is the scene table of its file, with the methods of :class:`ToolMotion`. It is registered
 by its place in ``Motion``; one that is neither a stroke, a table nor guided also has its compiled
@@ -19,14 +19,16 @@ from lcmchain.tools.motion.base import (
     ToolMotion,
 )
 from lcmchain.tools.motion.fixed import FixedMotion
-from lcmchain.tools.motion.guided import GuidedMotion, guided_load
+from lcmchain.tools.motion.guided import GuidedMotion, guided_load, way_to_stop
 from lcmchain.tools.motion.smooth_step import smooth_step
 from lcmchain.tools.motion.stroke import StrokeMotion
 from lcmchain.tools.motion.table import TableMotion
 from lcmchain.tools.motion.travel import prescribed_travel
+from lcmchain.tools.motion.turn import TurnMotion
 
 Motion = Annotated[
-    FixedMotion | StrokeMotion | TableMotion | GuidedMotion, Field(discriminator="type")
+    FixedMotion | StrokeMotion | TableMotion | TurnMotion | GuidedMotion,
+    Field(discriminator="type"),
 ]
 
 __all__ = [
@@ -40,7 +42,9 @@ __all__ = [
     "StrokeMotion",
     "TableMotion",
     "ToolMotion",
+    "TurnMotion",
     "guided_load",
     "prescribed_travel",
     "smooth_step",
+    "way_to_stop",
 ]

@@ -26,7 +26,7 @@ STANDARD_GRAVITY = 9.81  # [m/s2], along -z
 
 
 class ToolMotion(SceneModel):
-    """Motion of a rigid tool along a fixed direction; sub-classes are tables of a scene."""
+    """Motion of a rigid tool along a direction or about an axis; sub-classes are scene tables."""
 
     #: Value in ToolTable.motion_kind.
     kind: ClassVar[int]
@@ -51,6 +51,8 @@ class ToolMotion(SceneModel):
         return {
             "motion_kind": self.kind,
             "direction": direction,
+            "turn_axis": np.zeros(3),
+            "turn_point": np.zeros(3),
             "mass": 0.0,
             "force": 0.0,
             "damping": 0.0,
@@ -58,6 +60,8 @@ class ToolMotion(SceneModel):
             "gravity_along": 0.0,
             "load_start": 0.0,
             "travel_start": 0.0,
+            "stop": math.inf,
+            "until_force": math.inf,
             "stroke_profile": SMOOTH,
             "stroke_distance": 0.0,
             "stroke_start": 0.0,
@@ -91,6 +95,11 @@ class ToolMotion(SceneModel):
     @property
     def moves(self) -> bool:
         """Whether the tool is driven: by a prescribed travel or by a load."""
+        return False
+
+    @property
+    def turns(self) -> bool:
+        """Whether the tool turns about an axis; else it goes along a direction."""
         return False
 
     def remarks(self, tool_name: str, process_time: float) -> list[str]:

@@ -1,11 +1,13 @@
 """Tool that slides on a guide under its weight, a force and the contact.
 
-Its equation of motion is integrated by the solver; the table holds its data.
+Its equation of motion is integrated by the solver; the table holds its data. A stop of the press
+holds the tool where it may go no further, and takes the motion that it has left.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal, Self
+import math
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -13,8 +15,10 @@ from pydantic import Field
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import (
+    AbsentMeans,
     Direction,
     Force,
+    PositiveLength,
     PositiveMass,
     Switch,
     TimeOrZero,
@@ -30,6 +34,17 @@ from lcmchain.tools.motion.smooth_step import smooth_step
 
 # Of a process without a time: over which the load of a tool comes on.
 RAMP_PART = 0.05
+
+
+@equation
+def way_to_stop(table, tool, travel):
+    """Way [m] that a guided tool may still go along its direction, and the sign of that.
+
+    0 at its stop and beyond it, infinite without one.
+    """
+    stop = table.stop[tool]
+    side = math.copysign(1.0, stop)
+    return max(side * (table.travel_start[tool] + stop - travel), 0.0), side
 
 
 @equation
@@ -61,6 +76,12 @@ class GuidedMotion(ToolMotion):
         "the blank bounces with twice its load. A process without a time fills it in: a twentieth.",
     )
 
+    stop: Annotated[PositiveLength | None, AbsentMeans("no stop")] = Field(
+        default=None,
+        description="Travel at which a stop of the press holds the tool: it takes what the sheet "
+        "leaves of the load.",
+    )
+
     @property
     def load(self) -> float:
         """Force along the direction of travel from weight and given force [N]."""
@@ -83,6 +104,7 @@ class GuidedMotion(ToolMotion):
             force=self.force,
             damping=self.damping,
             ramp=self.ramp,
+            stop=math.inf if self.stop is None else self.stop,
             gravity_along=-STANDARD_GRAVITY * direction[2] if self.gravity else 0.0,
         )
 

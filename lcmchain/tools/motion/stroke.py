@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Direction,
+    PositiveForce,
     PositiveLength,
     PositiveTime,
     TimeOrZero,
@@ -44,6 +46,34 @@ def stroke_travel(table, tool, time):
     return value * distance, slope * distance / duration
 
 
+def require_later_end(start: float, end: float | None) -> None:
+    """Refuse a motion whose end [s], if it is given, is not after its start [s]."""
+    if end is not None and end <= start:
+        raise wrong(f"is {end:g} s, not after the start at {start:g} s", field="end")
+
+
+def end_of_motion(start: float, end: float | None, process_time: float, *, key: str) -> float:
+    """Return when a motion ends [s], that of the process [s] where it does not say.
+
+    Raises
+    ------
+    PydanticCustomError : it would not begin or not finish in the process; names the entry.
+    """
+    if start >= process_time:
+        raise wrong(
+            f"is {start:g} s, not before the end of the process at {process_time:g} s; "
+            "the tool would never move",
+            field=f"{key}.start",
+        )
+    if end is not None and end > process_time * (1 + 1e-12):
+        raise wrong(
+            f"is {end:g} s, after the end of the process at {process_time:g} s: the stroke "
+            "would not finish; give a longer process.time or an earlier end",
+            field=f"{key}.end",
+        )
+    return process_time if end is None else end
+
+
 class StrokeMotion(ToolMotion):
     """The tool travels a distance along a direction between two times, then stays."""
 
@@ -60,10 +90,15 @@ class StrokeMotion(ToolMotion):
         default=None, description="Time at which the stroke ends."
     )
 
+    until_force: Annotated[PositiveForce | None, AbsentMeans("the whole distance")] = Field(
+        default=None,
+        description="Force of the sheet against the travel at which the tool stops where it is, "
+        "and stays there; the distance is then the farthest that it goes.",
+    )
+
     @model_validator(mode="after")
     def _check_times(self) -> Self:
-        if self.end is not None and self.end <= self.start:
-            raise wrong(f"is {self.end:g} s, not after the start at {self.start:g} s", field="end")
+        require_later_end(self.start, self.end)
         return self
 
     def without_time(self, process_time: float, *, key: str) -> Self:
@@ -71,19 +106,7 @@ class StrokeMotion(ToolMotion):
         return self
 
     def completed(self, process_time: float, *, key: str) -> Self:
-        end = process_time if self.end is None else self.end
-        if self.start >= process_time:
-            raise wrong(
-                f"is {self.start:g} s, not before the end of the process at {process_time:g} s; "
-                "the tool would never move",
-                field=f"{key}.start",
-            )
-        if end > process_time * (1 + 1e-12):
-            raise wrong(
-                f"is {end:g} s, after the end of the process at {process_time:g} s: the stroke "
-                "would not finish; give a longer process.time or an earlier end",
-                field=f"{key}.end",
-            )
+        end = end_of_motion(self.start, self.end, process_time, key=key)
         return self.model_copy(update={"end": end})
 
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
@@ -103,6 +126,7 @@ class StrokeMotion(ToolMotion):
             stroke_distance=self.distance,
             stroke_start=start,
             stroke_end=end,
+            until_force=math.inf if self.until_force is None else self.until_force,
         )
 
     @property

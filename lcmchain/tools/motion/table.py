@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
@@ -50,6 +52,12 @@ class TableMotion(ToolMotion):
         tuple[Length, ...], Row('"0 5 20 mm"', minimum_count=2, entries="lengths")
     ] = Field(description="Travel at these times, from 0; linear in between.")
 
+    #: Of a course over stages: the force [N] of the sheet that may stop the tool before.
+    _until_force: float = PrivateAttr(default=math.inf)
+    #: Of a course over stages of a tool that turns: its axis, and a point of that [m].
+    _turn_axis: tuple[float, ...] = PrivateAttr(default=())
+    _turn_point: tuple[float, ...] = PrivateAttr(default=())
+
     @model_validator(mode="after")
     def _check_table(self) -> Self:
         if len(self.times) != len(self.travel):
@@ -89,16 +97,40 @@ class TableMotion(ToolMotion):
                 f"times must rise, but time {i} ({times[i]:g} s) follows {times[i - 1]:g} s",
                 key=f"{key}.times[{i}]",
             )
-        return self.columns(
+        course = self.columns(
             direction,
             stroke_profile=TABULATED,
             table_times=times,
             table_travels=travels,
+            until_force=self._until_force,
         )
+        if not self._turn_axis:
+            return course
+        return course | {
+            "direction": np.zeros(3),
+            "turn_axis": unit_direction(self._turn_axis, f"{key}.axis"),
+            "turn_point": np.array(self._turn_point, dtype=float),
+        }
+
+    def at_most(self, until_force: float) -> Self:
+        """Return this course as the farthest of a tool that a force [N] may stop before."""
+        course = self.model_copy()
+        course._until_force = until_force
+        return course
+
+    def about(self, axis: Sequence[float], point: Sequence[float]) -> Self:
+        """Return this course as one of angles [rad] about an axis through a point [m]."""
+        course = self.model_copy()
+        course._turn_axis, course._turn_point = tuple(axis), tuple(point)
+        return course
 
     @property
     def moves(self) -> bool:
         return True
+
+    @property
+    def turns(self) -> bool:
+        return bool(self._turn_axis)
 
     def remarks(self, tool_name: str, process_time: float) -> list[str]:
         if self.times[-1] > process_time * (1 + 1e-12):
