@@ -35,6 +35,9 @@ _OTHERS = (
     Shown("shear_angle_31", "Shear angle, fibres 3, 1", "°", 180.0 / np.pi, "RdBu_r", True, 1),
     Shown("compaction_pressure", "Compaction pressure", *_PRESSURE, "viridis", False, 2),
     Shown("bending_pressure", "Pressure of bending", *_PRESSURE, "viridis", False, 2),
+    Shown("wrinkle_risk_compression", "Risk by compression", "", 1.0, "YlOrRd", False, 2, 0.0),
+    Shown("wrinkle_risk_locking", "Nearness of locking", "", 1.0, "YlOrRd", False, 2, 0.0),
+    Shown("wrinkle_risk_waves", "Risk by unresolved waves", "", 1.0, "YlOrRd", False, 2, 0.0),
     Shown("areal_fibre_mass", "Fibre mass per area", "g/m²", 1e3, "YlGnBu", False, 1),
     *(
         Shown(f"permeability_{i}", f"Principal permeability {i}", "µm²", 1e12, "cividis", False, 3)

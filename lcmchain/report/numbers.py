@@ -57,6 +57,11 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
             parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
         if "wrinkle_height_max_m" in ply:
             parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
+        if "wrinkle_risk_max" in ply:
+            parts.append(
+                f"wrinkle risk up to {ply['wrinkle_risk_max']:.2f}, at least 1 in "
+                f"{percent(ply['wrinkle_risk_part'])} of the area"
+            )
         if "slip_path_max_m" in ply:
             parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
         value = "film" if name in films else "without fibres"
@@ -101,6 +106,11 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "fibre_strain_max" in summary:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of all families")
+    if "wrinkle_risk_max" in summary:
+        part = percent(summary["wrinkle_risk_part"])
+        value = f"up to {summary['wrinkle_risk_max']:.2f}"
+        meaning = f"in the last frame; {part} of the area with 1 or more"
+        yield Number("Wrinkle risk", value, f"{meaning}, where wrinkles are to be expected")
     if "punch_force_max_N" in summary:
         value = f"{_quoted_force(summary):.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))

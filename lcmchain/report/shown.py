@@ -46,6 +46,7 @@ SHOWN = (
     Shown("thickness", "Thickness", "mm", 1e3, "viridis", False, 3),
     Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, "YlGnBu", False, 3),
     Shown("wrinkle_height", "Height of wrinkles", "mm", 1e3, "PuOr_r", True, 2),
+    Shown("wrinkle_risk", "Wrinkle risk", "", 1.0, "YlOrRd", False, 2, lowest=0.0),
     Shown("springback", "Springback", "mm", 1e3, "viridis", False, 2),
 )
 

@@ -44,8 +44,9 @@ RESERVED_NAMES = (
     "areal_fibre_mass", "shear_angle", "shear_angle_23", "shear_angle_31", "fibre_strain_1",
     "fibre_strain_2", "fibre_strain_3", "strain_across", "compaction_pressure",
     "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
-    "tool_pressure", "wrinkle_height", "springback", "stack_thickness", "stack_areal_fibre_mass",
-    "stack_fibre_volume_fraction", "stack_ply_count",
+    "tool_pressure", "wrinkle_height", "wrinkle_risk", "wrinkle_risk_compression",
+    "wrinkle_risk_locking", "wrinkle_risk_waves", "springback", "stack_thickness",
+    "stack_areal_fibre_mass", "stack_fibre_volume_fraction", "stack_ply_count",
     *(
         f"{field}_{side}"
         for field in ("ply_pressure", "ply_gap", "slip_path", "ply_contact", "faced_ply")
