@@ -49,6 +49,9 @@ RISK, COMPRESSION, LOCKING, WAVES = (
 )  # fmt: skip
 #: Risk from which on wrinkles are to be expected.
 EXPECTED = 1.0
+#: Reach R of the mean around an element, whose weights go as (1 - (r/R)²)²: as wide as the plain
+#: mean over a disc of one wave across.
+REACH_IN_WAVES = 0.7
 
 # Strain at which the tangent of a fibre in compression is taken: small against all that buckles.
 _AT_COMPRESSION = -1e-6
@@ -148,13 +151,13 @@ def _compression(
     """Return the largest compressive strain over the critical one of all families, 0 in tension."""
     critical = critical_strains(material, 0.5 * wavelength)
     strains = np.stack([values[f"fibre_strain_{k}"] for k in range(1, len(critical) + 1)])
-    mean = _means_around(mesh, strains, 0.5 * wavelength)
+    mean = _means_around(mesh, strains, REACH_IN_WAVES * wavelength)
     with np.errstate(divide="ignore"):
         return np.maximum(-mean / critical[:, None, None], 0.0).max(axis=0)
 
 
 def _means_around(mesh: SheetMesh, values: np.ndarray, reach: float) -> np.ndarray:
-    """Return the means of values (..., E) over all faces within the reach, weighted by area."""
+    """Return the means of values (..., E) around each face, weighted by area and (1 - (r/R)²)²."""
     corners = mesh.mid_surface(mesh.node_positions)[closed_faces(mesh.sheet_faces)]
     centres, areas = corners.mean(axis=1), mesh.element_areas
     tree = cKDTree(centres)
@@ -164,8 +167,10 @@ def _means_around(mesh: SheetMesh, values: np.ndarray, reach: float) -> np.ndarr
         near = tree.query_ball_point(centres[own], reach, return_sorted=True)
         first = np.cumsum([0, *(len(found) for found in near[:-1])])
         faces = np.concatenate(near).astype(np.intp)
-        sums = np.add.reduceat(values[..., faces] * areas[faces], first, axis=-1)
-        means[..., own] = sums / np.add.reduceat(areas[faces], first)
+        away = centres[faces] - np.repeat(centres[own], [len(found) for found in near], axis=0)
+        weights = areas[faces] * (1.0 - np.einsum("fd,fd->f", away, away) / reach**2) ** 2
+        sums = np.add.reduceat(values[..., faces] * weights, first, axis=-1)
+        means[..., own] = sums / np.add.reduceat(weights, first)
     return means
 
 
