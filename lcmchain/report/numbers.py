@@ -217,8 +217,19 @@ def _time(summary: Mapping[str, Any]) -> Iterator[Number]:
             "Process time",
             f"{1e3 * summary['process_time_s']:g} ms",
             f"the sheet needs at least {milliseconds_text(needed['least_s'])}, and "
-            f"{milliseconds_text(needed['sufficient_s'])} to be safe",
+            f"{milliseconds_text(needed['sufficient_s'])} to be safe{_early_rest(summary)}",
         )
+
+
+def _early_rest(summary: Mapping[str, Any]) -> str:
+    """Say in which stages the sheet was at rest before their time, which then passed by itself."""
+    texts = []
+    for stage in summary.get("stages", ()):
+        reached = stage.get("rest", {}).get("reached_s")
+        if reached is not None and reached < stage["end_s"]:
+            after, whole = (1e3 * (time - stage["start_s"]) for time in (reached, stage["end_s"]))
+            texts.append(f"{stage['name']} after {after:.3g} of {whole:.4g} ms")
+    return f"; at rest, and without steps from there on: {', '.join(texts)}" if texts else ""
 
 
 def _energies(summary: Mapping[str, Any]) -> Iterator[Number]:

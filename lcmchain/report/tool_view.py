@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.sheet import reference_positions, sheet_positions
+from lcmchain.fields.stages import STAGE
 from lcmchain.report.packing import packed
+from lcmchain.scene.stages import at_work
 from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.motion.base import unit_direction
 
@@ -33,7 +35,8 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     Returns
     -------
     Plain values for JSON; arrays as in :func:`lcmchain.report.field_view.view_data`. ``shift`` has
-    three numbers for every saved frame. A tool outside the room around the sheet is left out.
+    three numbers for every saved frame, ``works`` whether the tool is at work in it. A tool outside
+    the room around the sheet is left out, and so is one that is never at work.
     """
     corners = np.concatenate([reference_positions(sheet), sheet_positions(sheet)])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -44,6 +47,8 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     for index in _shown(surfaces):
         points, triangles = surfaces[index]
         tool = scene.tools[index]
+        if not any(_at_work(scene, tool, history)):
+            continue
         direction = getattr(tool.motion, "direction", None)
         along = np.zeros(3) if direction is None else unit_direction(direction, tool.name)
         shift = 1e3 * history["tool_travel"].values[:, index, None] * along
@@ -54,9 +59,18 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
                 "points": packed(1e3 * points, "<f4"),
                 "triangles": packed(triangles, "<i4"),
                 "shift": np.round(shift, 4).tolist(),
+                "works": _at_work(scene, tool, history),
             }
         )
     return found
+
+
+def _at_work(scene: Scene, tool: Any, history: xr.Dataset) -> list[bool]:
+    """Tell in which saved frames a tool is at work."""
+    if STAGE not in history:
+        return [True] * history.sizes["time"]
+    by_stage = [at_work(tool, stage) for stage in scene.stages]
+    return [by_stage[int(number)] for number in history[STAGE].values]
 
 
 def _shown(surfaces: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:

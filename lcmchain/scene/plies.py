@@ -565,14 +565,23 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
             if other == pair and share_a_stage(stages, entry.stages)
         ]
         if same:
+            together = _together(entry.stages, given[same[0]][1], scene)
             raise wrong(
-                f"says the same two as interfaces[{same[0]}]; leave one of them out"
+                f"says the same two as interfaces[{same[0]}]{together}; leave one of them out"
                 if pair is not None
-                else f"is left out, and so it is in interfaces[{same[0]}]; one entry "
+                else f"is left out, and so it is in interfaces[{same[0]}]{together}; one entry "
                 "holds for all that no other one names",
                 field=key,
             )
         given.append((pair, entry.stages))
+
+
+def _together(one: tuple[str, ...] | None, other: tuple[str, ...] | None, scene: Scene) -> str:
+    """Name the first stage that two entries share, in words; nothing without stages."""
+    for stage in scene.stages:
+        if all(stages is None or stage.name in stages for stages in (one, other)):
+            return f', which is at work in the stage "{stage.name}" too'
+    return ""
 
 
 def _not_there(name: str, known: Iterable[str], what: str) -> str:

@@ -6,10 +6,15 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from lcmchain.effects.tool_motion import active
 from lcmchain.errors import InputError
+from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.fields.stages import STAGE
+from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
+from lcmchain.report.tool_view import tool_data
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
@@ -191,3 +196,20 @@ def test_a_remedy_names_the_ramp_of_a_pressure_where_it_is_at_work():
     assert slower_loads(model, 0.4).startswith("stages.press.time")
     released = whole.in_stage(2, State.at_rest(whole))
     assert "pressure.ramp" in slower_loads(released, 0.4)
+
+
+def test_the_view_of_the_report_shows_tools_in_the_frames_in_which_they_work():
+    """The punch is idle in the release; a tool that never works is not there at all."""
+    staged = scene()
+    blank = build_blank(staged.blank, staged.material.thickness)
+    frames = FrameSeries(
+        np.zeros(1), blank.node_positions[None], np.zeros((1, 0)), np.zeros((1, 0, 3))
+    )
+    sheet = build_datasets(staged, blank, frames)["/"]
+    history = xr.Dataset(
+        {"tool_travel": (("time", "tool"), np.zeros((3, 2))), STAGE: ("time", [0, 1, 2])}
+    )
+    works = {tool["name"]: tool["works"] for tool in tool_data(staged, sheet, history)}
+    assert works == {"die": [True, True, True], "punch": [True, True, False]}
+    released = history.isel(time=[2])
+    assert [tool["name"] for tool in tool_data(staged, sheet, released)] == ["die"]

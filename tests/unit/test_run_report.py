@@ -157,3 +157,17 @@ def test_the_terminal_shows_rows_warnings_and_folder(capsys):
     for warning in all_warnings(SUMMARY):
         assert f"Warning: {warning}" in printed
     assert printed.rstrip().endswith("Results in results/dome")
+
+
+def test_stages_that_are_at_rest_before_their_time_are_told_with_the_process_time():
+    stages = [
+        {"name": "draw", "start_s": 0.0, "end_s": 0.05},
+        {"name": "let_go", "start_s": 0.05, "end_s": 0.45, "rest": {"reached_s": 0.323}},
+        {"name": "wait", "start_s": 0.45, "end_s": 0.5, "rest": {"reached_s": None}},
+    ]
+    value, meaning = rows(SUMMARY | {"stages": stages, "process_time_s": 0.5})["Process time"]
+    assert value == "500 ms"
+    assert meaning.endswith(
+        "; at rest, and without steps from there on: let_go after 273 of 400 ms"
+    )
+    assert "at rest" not in rows(SUMMARY)["Process time"][1]

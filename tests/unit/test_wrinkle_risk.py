@@ -1,4 +1,4 @@
-"""Wrinkle risk: a strip that buckles, means over a wave, tools, locking, waves; where it is told."""
+"""Wrinkle risk: a strip that buckles, means over a wave, tools, locking, waves, and the files."""
 
 import numpy as np
 import pytest

@@ -198,7 +198,7 @@ function meshOf(field, points, values) {
 }
 
 function toolsAt(frameNumber) {
-  return view.tools.map((tool) => {
+  return view.tools.filter((tool) => tool.works[frameNumber]).map((tool) => {
     const { x, y, z } = columns(floats(tool.points));
     const corners = integers(tool.triangles);
     const [dx, dy, dz] = tool.shift[frameNumber];
