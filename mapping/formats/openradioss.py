@@ -131,8 +131,8 @@ def _head(cells: MappedCells, plies: list[Tables]) -> Iterator[str]:
     yield "# Angles count from the side from node 1 to node 2 of an element, about its normal."
     yield "# The plies stand in the order of their heights along the normals, lowest first."
     for number, ply in _materials(plies):
-        of = f" of ply {plain(ply.name)}" if ply.name else ""
-        yield f"# The deck has to define the material {number}: that{of}, along and across a fibre."
+        of = f" of the ply {plain(ply.name)}" if ply.name else ""
+        yield f"# The deck has to define the material {number}{of}, along and across a fibre."
 
 
 def _mesh(cells: MappedCells) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,9 @@ from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
 from lcmchain.solver.remedies import slower_loads
 from lcmchain.state import State
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.variant import Variant
+from lcmchain.summary import _before_release
 
 SCENE = """
 process = { frames = 13 }
@@ -56,6 +60,12 @@ motions.punch = { type = "stroke", direction = [0, 0, 1], distance = "0.5 mm", p
 name = "release"
 time = "6 ms"
 rest = true
+"""
+
+UNSTAGED = """
+process = { time = "2 s" }
+blank = { size = ["60 mm", "20 mm"], edge_length = "10 mm" }
+material = { preset = "MD600" }
 """
 
 
@@ -213,3 +223,25 @@ def test_the_view_of_the_report_shows_tools_in_the_frames_in_which_they_work():
     assert works == {"die": [True, True, True], "punch": [True, True, False]}
     released = history.isel(time=[2])
     assert [tool["name"] for tool in tool_data(staged, sheet, released)] == ["die"]
+
+
+@pytest.mark.parametrize(
+    ("rests", "frame"),
+    [((False, False, True), 6), ((False, False, False), 12), ((True, False, True), 6),
+     ((False, True, True), 4), ((True, True, True), 12)],
+)  # fmt: skip
+def test_damping_is_judged_where_forming_ends(rests, frame):
+    """Stages of 4, 2 and 6 ms, a frame each: forming ends with the last one without rest."""
+    staged = scene()
+    stages = [s.model_copy(update={"rest": rest}) for s, rest in zip(staged.stages, rests)]
+    staged = staged.model_copy(update={"stages": tuple(stages)})
+    assert _before_release(staged, np.linspace(0.0, 12e-3, 13).tolist()) == frame
+    assert _before_release(scene_from_text(UNSTAGED), [0.0, 1.0, 2.0]) == 2
+
+
+def test_a_study_leaves_the_borders_of_stages_as_frames():
+    variant = Variant("5 mm", "edge", ("blank.edge_length=5 mm",), 5e-3)
+    text = SceneText(SCENE, str(Path("scene.toml").resolve()))
+    assert text.job(variant).scene.process.frames == 4
+    plain = SceneText(UNSTAGED, str(Path("scene.toml").resolve()))
+    assert plain.job(variant).scene.process.frames == 2
