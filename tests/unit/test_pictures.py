@@ -45,7 +45,7 @@ fibre_angle = "45 deg"
 [material]
 preset = "MD600"
 """
-SHEAR, THICKNESS, FRACTION, WRINKLES, SPRINGBACK = SHOWN
+SHEAR, THICKNESS, FRACTION, WRINKLES, RISK, SPRINGBACK = SHOWN
 
 
 @pytest.fixture(scope="module")
