@@ -58,10 +58,8 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
         if "wrinkle_height_max_m" in ply:
             parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
         if "wrinkle_risk_max" in ply:
-            parts.append(
-                f"wrinkle risk up to {ply['wrinkle_risk_max']:.2f}, at least 1 in "
-                f"{percent(ply['wrinkle_risk_part'])} of the area"
-            )
+            risk = _risky_part(ply["wrinkle_risk_part"])
+            parts.append(f"wrinkle risk up to {ply['wrinkle_risk_max']:.2f}, {risk}")
         if "slip_path_max_m" in ply:
             parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
         value = "film" if name in films else "without fibres"
@@ -107,13 +105,19 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of all families")
     if "wrinkle_risk_max" in summary:
-        part = percent(summary["wrinkle_risk_part"])
         value = f"up to {summary['wrinkle_risk_max']:.2f}"
-        meaning = f"in the last frame; {part} of the area with 1 or more"
-        yield Number("Wrinkle risk", value, f"{meaning}, where wrinkles are to be expected")
+        part = _risky_part(summary["wrinkle_risk_part"])
+        yield Number("Wrinkle risk", value, f"in the last frame, {part}")
     if "punch_force_max_N" in summary:
         value = f"{_quoted_force(summary):.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))
+
+
+def _risky_part(part: float) -> str:
+    """Say in how much of the area wrinkles are to be expected."""
+    if part == 0.0:
+        return "nowhere 1, from which on wrinkles are to be expected"
+    return f"1 or more in {percent(part)} of the area, where wrinkles are to be expected"
 
 
 def _grippers(summary: Mapping[str, Any]) -> Iterator[Number]:

@@ -19,4 +19,4 @@ def test_a_coarse_run_marks_where_a_fine_one_wrinkles(tmp_path):
     assert free["hits"] > 0.55 and free["false alarms"] < 0.3
     assert free["precision"] > 1.4 * free["wrinkled"]
     held = compared("with a holder", 10.0, 5.0, tmp_path)[""]
-    assert held["wrinkled"] == 0.0 and held["marked"] < 0.05
+    assert held["wrinkled"] == 0.0 and held["marked"] < 0.06
