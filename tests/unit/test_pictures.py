@@ -195,6 +195,7 @@ def test_values_in_words():
         "thickness [mm]",
         "fibre volume fraction",
         "height of wrinkles [mm]",
+        "wrinkle risk",
         "springback [mm]",
     ]
 
