@@ -229,17 +229,24 @@ class Model:
         """History values of all bodies, in blocks."""
         return max(placed.last_history for placed in self.placed)
 
-    @property
-    def body(self) -> Body:
-        """The only body.
+    def only_body(self, asked_by: str = "what is asked for") -> Body:
+        """Return the body of a model that has one.
+
+        Parameters
+        ----------
+        asked_by : what knows one sheet alone, for the message.
 
         Raises
         ------
-        ValueError : the model has several.
+        InputError : the model has several.
         """
         if len(self.bodies) != 1:
             names = ", ".join(body.name for body in self.bodies)
-            raise ValueError(f"the model has several bodies ({names}); name one")
+            raise InputError(
+                f"{asked_by} is of one sheet, and the model has {len(self.bodies)} ({names}); use "
+                "a model of one of them",
+                key="plies",
+            )
         return self.bodies[0]
 
     @cached_property

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -106,7 +108,10 @@ def run_summary(
     needed = process_time_needed(model)
     idle = idle_energy(model)
     touched = TOUCHED_PART if scene.time_is_found else 0.0
-    measures = quasi_static_measures(history, snapshots[-1].energy, punch, idle, touched)
+    formed = snapshots[_before_release(scene, [snapshot.time for snapshot in snapshots])]
+    measures = quasi_static_measures(
+        history, formed.energy, punch, idle, touched, until=formed.time
+    )
     summary = {
         "step_count": state.step_count,
         "wall_s": wall_s,
@@ -150,6 +155,18 @@ def run_summary(
     ]
     in_own_words = [scene.stack.in_own_words(text) for text in found]
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
+
+
+def _before_release(scene: Scene, times: Sequence[float]) -> int:
+    """Return the number of the frame in which forming has ended: the last one without a release.
+
+    Stages at the end in which the sheet comes to rest take all vibrations out of it, and with them
+    what it has stored: none of that is in the forces that formed it.
+    """
+    ends = list(accumulate(stage.time for stage in scene.stages))
+    formed = [end for end, stage in zip(ends, scene.stages, strict=True) if not stage.rest]
+    last = formed[-1] if formed else math.inf
+    return max(sum(time <= last * (1.0 + 1e-9) for time in times), 1) - 1
 
 
 def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:

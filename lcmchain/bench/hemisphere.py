@@ -78,7 +78,7 @@ def measurements() -> list[Measurement]:
     """Run all measurements: element kernels on one core, whole steps on one and on all cores."""
     simulation, triangles = at_mid_stroke(), at_mid_stroke("element=membrane-shell")
     turned = at_mid_stroke("blank.fibre_angle=30 deg")
-    body, count = simulation.model.body, simulation.model.element_count
+    body, count = simulation.model.only_body(), simulation.model.element_count
     data, options = body.data, body.data.options
     parallelograms = data._replace(quick_data=None, quick_options=None, general=True)
     curved = parallelograms._replace(
@@ -107,7 +107,7 @@ def measurements() -> list[Measurement]:
         )
     ]
     calls = KERNEL_CALLS * triangles.model.element_count
-    work = kernel_work(triangles, triangles.model.body.data)
+    work = kernel_work(triangles, triangles.model.only_body().data)
     found.append(measure("triangle kernel, membrane-shell", 1, calls, work))
     found += whole_steps("whole step, hemisphere_holder", simulation)
     found += whole_steps("whole step, the same with fibres at 30 deg, cut elements", turned)

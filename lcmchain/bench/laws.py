@@ -73,7 +73,7 @@ def measure_laws(*overrides: str) -> list[LawSpeed]:
         scene = scene_from_text(hemisphere.SCENE, overrides=(*own, *overrides))
         simulation = Simulation.from_scene(scene)
         simulation.advance_to(FORMED * hemisphere.MID_STROKE)
-        work = kernel_work(simulation, simulation.model.bodies[0].data)
+        work = kernel_work(simulation, simulation.model.only_body().data)
         calls.append((work, KERNEL_CALLS * simulation.model.element_count))
     use_threads(1)
     times: list[list[float]] = [[] for _ in LAWS]

@@ -141,7 +141,7 @@ def _count_here() -> Operations:
     """Count with the compiler options of this process."""
     simulation = Simulation.from_scene(scene_from_text(SCENE))
     arrays, model = simulation.arrays, simulation.model
-    data, tools = model.body.data, model.tools
+    data, tools = model.only_body().data, model.tools
     assert model.fibre_bending is not None
     fibres = model.fibre_bending.data
     near, work = np.empty(NEAR_ROWS * LANES), np.empty(ROWS * SPAN)

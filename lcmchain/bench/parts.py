@@ -102,7 +102,7 @@ def measure_parts() -> Parts:
             simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
 
     works = {
-        KERNEL: kernel_work(simulation, model.body.data, CALLS),
+        KERNEL: kernel_work(simulation, model.only_body().data, CALLS),
         **_loops(simulation, dt),
         "between chunks of steps": _between_chunks(simulation),
         "samples of the histories": _samples(simulation, dt),

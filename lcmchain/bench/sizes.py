@@ -85,7 +85,7 @@ def measured_plate(simulation: Simulation, chunks: int, threads: int | None) -> 
         for _ in range(chunks):
             simulation.make_steps(STEPS_PER_CHUNK, simulation.prepare_steps())
 
-    kernel = kernel_work(simulation, simulation.model.body.data, steps)
+    kernel = kernel_work(simulation, simulation.model.only_body().data, steps)
     name = f"free plate of {count} elements"
     return Plate(
         count,
@@ -108,7 +108,7 @@ def least_traffic(simulation: Simulation) -> float:
     # positions and velocities before and after, and the force
     moved = 5 * state.position.nbytes + state.history.nbytes
     moved += nodes.force_slot.nbytes + nodes.mass.nbytes + nodes.inverse_mass.nbytes
-    moved += model.body.data.corner_run.nbytes
+    moved += sum(body.data.corner_run.nbytes for body in model.bodies)
     if fibres is not None and fibres.data is not None:
         moved += fibres.data.runs.nbytes
     return float(moved)

@@ -60,7 +60,7 @@ def measure_stacks(*overrides: str) -> tuple[float, list[StackSpeed]]:
     for ply_count in LAYUPS:
         simulation = stack_at_mid_stroke(ply_count, *overrides)
         if ply_count == 1:
-            data = simulation.model.bodies[0].data
+            data = simulation.model.only_body().data
             calls = KERNEL_CALLS * simulation.model.element_count
             kernel = measure("element kernel", 1, calls, kernel_work(simulation, data)).median
         name = f"{ply_count} plies" if ply_count > 1 else "1 ply"

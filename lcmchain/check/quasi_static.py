@@ -129,16 +129,18 @@ def quasi_static_measures(
     punch: int | None,
     idle: float = 0.0,
     touched_part: float = 0.0,
+    until: float = math.inf,
 ) -> dict[str, float]:
     """Return what inertia, damping and hourglass terms took, under the names of ``summary.json``.
 
     Parameters
     ----------
     history : of the result; without histories the kinetic energy is left out.
-    energy : of the last frame [J].
+    energy : of the frame that is judged [J], the last one without a release.
     punch : tool whose travel is the stroke, None for a scene without tools.
     idle : :func:`idle_energy`; the kinetic energy is compared with nothing smaller.
     touched_part : of the largest internal energy, which the kinetic one is compared with at least.
+    until : time of that frame [s].
     """
     external, internal = abs(energy["external"]), energy["internal"]
     measures = {
@@ -146,7 +148,8 @@ def quasi_static_measures(
         "hourglass_to_internal": energy["hourglass"] / internal if internal > 0.0 else 0.0,
     }
     if has_histories(history):
-        mass_damping = float(history["history_energy_mass_damping"].values[-1])
+        past = int((history["history_time"].values <= until * (1.0 + 1e-9)).sum())
+        mass_damping = float(history["history_energy_mass_damping"].values[max(past, 1) - 1])
         measures |= {
             "mass_damping_to_external": mass_damping / external if external else 0.0,
             "kinetic_to_internal_over_tenth_of_stroke": exceeded_over(

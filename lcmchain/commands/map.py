@@ -62,7 +62,8 @@ def map_fields(
         typer.Option(
             "--export",
             metavar="FORMAT",
-            help="Write for another program too: vmap, drape, rtmsim or lcmsim; repeatable.",
+            help="Write for another program too: vmap, drape, rtmsim, lcmsim or openradioss; "
+            "repeatable.",
         ),
     ] = None,
     allow_unmapped: Annotated[

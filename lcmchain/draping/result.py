@@ -10,7 +10,9 @@ from lcmchain.draping.drape import Draped
 from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
+from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.summary import field_warnings
+from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
 from lcmchain.scene import Scene
 from lcmchain.tools.turn import turning
 
@@ -43,6 +45,10 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
     if material.fibre_density is not None:
         fraction = material.areal_mass / (material.fibre_density * material.thickness)
         given["fibre_volume_fraction"] = np.full_like(areas, fraction)
+    if scene.output.wrinkle_risk:  # of the parts a net knows this one
+        angles = (draped.locking_angle,)
+        risk = nearness_of_locking(derive_fields(mesh, material, positions), angles)
+        given |= {RISK: risk, LOCKING: risk}
     frames = FrameSeries(
         time=np.array([0.0, scene.process.time]),
         positions=positions,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -74,6 +75,8 @@ class SheetFrames:
         predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
     between_plies : against other plies, or None.
+    wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkle_risk` by name (F, element_count);
+        empty unless the scene asks for them.
     """
 
     body: Body | LaidSheet
@@ -84,6 +87,7 @@ class SheetFrames:
     wrinkle_height: np.ndarray | None
     wrinkle_length: float
     between_plies: BetweenPlies | None = None
+    wrinkle_risk: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of_body(cls, scene: Scene, model: Model, body: Body, frames: FrameSeries) -> SheetFrames:
@@ -110,6 +114,7 @@ class SheetFrames:
         tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
+        from lcmchain.fields.wrinkle_risk import wrinkle_risk
         from lcmchain.fields.wrinkles import longest_wave, wrinkle_height
 
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
@@ -120,14 +125,20 @@ class SheetFrames:
             on_nodes = np.stack([tool_pressure(body, *state) for state in states])
         length = scene.output.wrinkle_length or longest_wave(body.mesh)
         own = frames.positions[:, nodes]
+        beside_tools: dict[str, Any] = {"tools": tools, "travel": frames.tool_travel}
+        risk = {}
+        if scene.output.wrinkle_risk and tells_fibres(body.material):
+            touch = max(scene.stack.thickness, body.mesh.thickness)
+            risk = wrinkle_risk(body.mesh, body.material, own, length, touch=touch, **beside_tools)
         return cls(
             body,
             own,
             np.stack([body.element_history(values) for values in history]),
             {name: np.stack([step[name] for step in steps]) for name in steps[0]},
             on_nodes,
-            wrinkle_height(body.mesh, own, length, tools=tools, travel=frames.tool_travel),
+            wrinkle_height(body.mesh, own, length, **beside_tools),
             length,
+            wrinkle_risk=risk,
         )
 
     @property
@@ -141,6 +152,7 @@ class SheetFrames:
     def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return values (F, element_count) and attributes of every face field."""
         values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
+        values |= self.wrinkle_risk
         found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()

@@ -20,6 +20,7 @@ from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import film_names, plies_of
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.waves import wave_warnings
+from lcmchain.fields.wrinkle_risk import EXPECTED, RISK
 from lcmchain.interfaces.in_frames import APART
 from lcmchain.materials.law import Material
 
@@ -52,7 +53,8 @@ def field_summary(
     -------
     ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
     ``fibre_strain_max`` (magnitude; of fibres that buckle in tension alone),
-    ``fibre_volume_fraction_max``, ``wrinkle_height_max_m`` (magnitude), ``fibre_mass_kg``,
+    ``fibre_volume_fraction_max``, ``wrinkle_height_max_m`` (magnitude), ``wrinkle_risk_max`` and
+    ``wrinkle_risk_part``, the part of the area with a risk of at least 1, ``fibre_mass_kg``,
     ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
     a twentieth of the process (of a result without histories, the largest of the frames), and with
     histories ``punch_force_quoted_N``, the figure to quote, ``punch_force_peak_N`` of a single
@@ -86,6 +88,11 @@ def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
         summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
     if "wrinkle_height" in last:
         summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
+    if RISK in last:
+        risk = np.nan_to_num(last[RISK].values)  # nan on the films of a stack
+        areas = sheet_areas(sheet, 0)
+        summary["wrinkle_risk_max"] = float(risk.max())
+        summary["wrinkle_risk_part"] = float(areas[risk >= EXPECTED].sum() / areas.sum())
     return summary
 
 

@@ -232,6 +232,38 @@ _FIELDS = (
         "with the compaction pressure, which the fibres bear, it is what presses on both faces",
     ),
     Field(
+        "wrinkle_risk",
+        "1",
+        "wrinkle risk",
+        FACE,
+        "largest of its parts wrinkle_risk_compression, wrinkle_risk_locking and "
+        "wrinkle_risk_waves; from 1 on wrinkles are to be expected, which a coarse mesh may hide",
+    ),
+    Field(
+        "wrinkle_risk_compression",
+        "1",
+        "wrinkle risk by compressed fibres",
+        FACE,
+        "mean compressive strain of a family of fibres over the longest wave that counts as "
+        "wrinkle, over the strain at which a strip of the fabric buckles to that wave; 0 in "
+        "tension, and where a tool is nearer than the thickness",
+    ),
+    Field(
+        "wrinkle_risk_locking",
+        "1",
+        "nearness of locking",
+        FACE,
+        "shear angle over the one from which on the law locks; of the nearest pair of families",
+    ),
+    Field(
+        "wrinkle_risk_waves",
+        "1",
+        "wrinkle risk by unresolved waves",
+        FACE,
+        "least elements that resolve a wave, 8, over those of the shortest wave along a fibre "
+        "there; 0 without a wave, and where a tool is nearer than the thickness",
+    ),
+    Field(
         "stack_thickness",
         "m",
         "thickness of the stack",

@@ -16,7 +16,7 @@ from lcmchain.fields.sheet import (
     sheet_positions,
 )
 from lcmchain.fields.wrinkles import node_normals
-from lcmchain.mesh.fibre_lines import lines_along
+from lcmchain.mesh.fibre_lines import FibreLines, lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.places import millimetres
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
@@ -45,9 +45,17 @@ def elements_per_wave(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
     -------
     Shape (face_count,).
     """
-    faces, points = sheet_faces(sheet), sheet_positions(sheet, frame)
-    normals = node_normals(points, faces)
+    faces = sheet_faces(sheet)
     lines = lines_along(reference_positions(sheet), faces, mesh_axes(sheet))
+    return elements_in_waves(sheet_positions(sheet, frame), faces, lines)
+
+
+def elements_in_waves(points: np.ndarray, faces: np.ndarray, lines: FibreLines) -> np.ndarray:
+    """Return what :func:`elements_per_wave` does, of a surface (n, 3) with faces (F, 4).
+
+    lines : along the fibres of the undeformed surface.
+    """
+    normals = node_normals(points, faces)
     shortest = np.full(len(faces), np.inf)
     for before, after in zip(lines.before, lines.after, strict=True):
         of_edge = np.full(len(points), np.inf)  # from a node on

@@ -52,7 +52,7 @@ def longest_wave(mesh: SheetMesh) -> float:
 
 def median_edge(mesh: SheetMesh) -> float:
     """Return the median length of the edges of the undeformed mid-surface [m]."""
-    reference, faces = mesh.mid_surface(mesh.node_positions), _closed(mesh.sheet_faces)
+    reference, faces = mesh.mid_surface(mesh.node_positions), closed_faces(mesh.sheet_faces)
     return median_edge_length(reference[faces])
 
 
@@ -78,15 +78,15 @@ def wrinkle_height(
     Heights [m], shape (F, n) for n nodes of the mid-surface, positive towards the upper face.
     """
     positions = np.asarray(positions, dtype=float)
-    faces = _closed(mesh.sheet_faces)
+    faces = closed_faces(mesh.sheet_faces)
     surfaces = mesh.mid_surface(positions)
     heights = np.zeros(surfaces.shape[:2])
     for frame, smooth in enumerate(_smoothed(mesh, surfaces, wavelength)):
         normals = node_normals(smooth, faces)
         off = np.einsum("ni,ni->n", surfaces[frame] - smooth, normals)
         if tools is not None and travel is not None:
-            bottom, top = _faces_of_sheet(mesh, positions[frame], surfaces[frame], normals)
-            below, above = _clear_distances(tools, travel[frame], bottom, top, mesh.thickness)
+            bottom, top = faces_of_sheet(mesh, positions[frame], surfaces[frame], normals)
+            below, above = clear_distances(tools, travel[frame], bottom, top, mesh.thickness)
             off = np.sign(off) * np.minimum(np.abs(off), np.where(off > 0.0, below, above))
         heights[frame] = off
     return heights
@@ -99,7 +99,7 @@ def _smoothed(mesh: SheetMesh, surfaces: np.ndarray, wavelength: float) -> np.nd
     """Return the smoothed copies (F, n, 3) of surfaces (F, n, 3)."""
     reference = mesh.mid_surface(mesh.node_positions)
     reach = wavelength / WAVE_PART
-    tangents = _tangents(node_normals(reference, _closed(mesh.sheet_faces)))
+    tangents = _tangents(node_normals(reference, closed_faces(mesh.sheet_faces)))
     places, values, weights = reference, np.moveaxis(surfaces, 0, 1), np.ones(len(reference))
     if reach > LONG_REACH * median_edge(mesh):
         means, weights = _means_over_squares(reference, SQUARE * reach)
@@ -155,7 +155,9 @@ def _regression(
 # --- tools ----------------------------------------------------------------------------------------
 
 
-def _faces_of_sheet(mesh, positions, surface, normals) -> tuple[np.ndarray, np.ndarray]:
+def faces_of_sheet(
+    mesh: SheetMesh, positions: np.ndarray, surface: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of the lower and the upper face at each node of the mid-surface."""
     sides = mesh.sides()
     if "bottom" in sides:
@@ -164,7 +166,7 @@ def _faces_of_sheet(mesh, positions, surface, normals) -> tuple[np.ndarray, np.n
     return surface - half, surface + half
 
 
-def _clear_distances(
+def clear_distances(
     tools: ToolTable, travel: np.ndarray, bottom: np.ndarray, top: np.ndarray, thickness: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances (n,) to the nearest tool below and above, infinite without one."""
@@ -198,7 +200,7 @@ def node_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return sums / np.where(length > 0.0, length, 1.0)[:, None]
 
 
-def _closed(faces: np.ndarray) -> np.ndarray:
+def closed_faces(faces: np.ndarray) -> np.ndarray:
     """Return faces (F, 4) that repeat their last node where they have three."""
     if faces.shape[1] == 3:
         return np.concatenate([faces, faces[:, 2:]], axis=1)

@@ -433,6 +433,11 @@ class Fabric:
         return self.locking is not None
 
     @property
+    def locking_angles(self) -> tuple[float | None, ...]:
+        """Shear angle from which on the fabric locks [rad], None where it never does."""
+        return (None if self.locking is None else math.asin(self.locking.locking_strain),)
+
+    @property
     def couples_shear(self) -> bool:
         return self.coupling is not None
 

@@ -643,6 +643,16 @@ class FibreFamilies(Fabric):
     def locks(self) -> bool:
         return any(pair.locking_angle is not None for pair in self.pairs)
 
+    @property
+    def locking_angles(self) -> tuple[float | None, ...]:
+        """Change of its angle from which on every pair locks [rad], None where it never does."""
+        found = {
+            frozenset((self.normal.index(pair.first), self.normal.index(pair.second))): pair
+            for pair in self.pairs
+        }
+        order = [frozenset(numbers) for numbers in ((0, 1), (1, 2), (2, 0))]
+        return tuple(found[n].locking_angle if n in found else None for n in order)
+
     def with_fibre_modulus(self, factor: float) -> Self:
         """Return the fabric with the moduli of its fibres in the membrane times a factor."""
 

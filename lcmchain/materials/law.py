@@ -54,6 +54,7 @@ __all__ = [
     "bends_by_curves",
     "fibre_angles",
     "is_film",
+    "locking_angles",
     "tells_fibres",
     "takes_fibre_share",
     "sum_text",
@@ -490,6 +491,15 @@ def fibre_angles(material: Material) -> tuple[float, ...]:
     A material that does not say has two, along both axes.
     """
     return getattr(material, "fibre_angles", (0.0, 0.5 * np.pi))
+
+
+def locking_angles(material: Material) -> tuple[float | None, ...]:
+    """Return the shear angle [rad] from which on every pair of families locks, None where it never.
+
+    In the order of the fields ``shear_angle``, ``shear_angle_23``, ``shear_angle_31``; a material
+    that does not say locks nowhere.
+    """
+    return getattr(material, "locking_angles", (None,))
 
 
 def is_film(material: Material) -> bool:

@@ -12,6 +12,7 @@ from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.mesh.places import Places
+from lcmchain.mesh.plane_cut import cut_edges
 from lcmchain.mesh.rim import in_order
 
 if TYPE_CHECKING:
@@ -52,21 +53,13 @@ def section_table(
     positions, faces = sheet_positions(sheet, frame), sheet_faces(sheet)
     normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     height = (positions - point) @ normal - ASIDE * float(np.ptp(positions, axis=0).max())
-    # ends of the cut of each face: on the edges between nodes on either side
-    sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
-    crossed = (height[sides[..., 0]] >= 0.0) != (height[sides[..., 1]] >= 0.0)
-    cut = np.flatnonzero(crossed.sum(axis=1) == 2)
-    if len(cut) == 0:
+    cut = cut_edges(faces, height)
+    if len(cut.polygons) == 0:
         raise InputError("the plane of the section misses the sheet; move its point")
-    edges = np.sort(sides[cut][crossed[cut]], axis=1)
-    ends, number = np.unique(edges, axis=0, return_inverse=True)
-    share = height[ends[:, 0]] / (height[ends[:, 0]] - height[ends[:, 1]])
-    places = positions[ends[:, 0]] + share[:, None] * (
-        positions[ends[:, 1]] - positions[ends[:, 0]]
-    )
-    rows = _along(number.reshape(-1, 2), places, normal)
-    element = cut[[row for _, row, _ in rows]]
-    pair = number.reshape(-1, 2)[[row for _, row, _ in rows]]
+    places = cut.places(positions)
+    rows = _along(cut.ends, places, normal)
+    element = cut.polygons[[row for _, row, _ in rows]]
+    pair = cut.ends[[row for _, row, _ in rows]]
     middle = places[pair].mean(axis=1)
     table = {
         "strip": np.array([strip for strip, _, _ in rows]),

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lcmchain.mesh.plane_cut import cut_edges
+
 # A plane through nodes is moved aside by this part of the sheet's extent.
 ASIDE = 1e-5
 
@@ -62,16 +64,9 @@ def cut_sheet(
     triangles = triangles[triangles[:, 1] != triangles[:, 2]]
     aside = ASIDE * float(np.ptp(middle, axis=0).max())
     height = (middle - plane.point) @ plane.normal - aside
-    above = height >= 0.0
-    edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)  # (T, 3, 2)
-    crossing = above[edges[..., 0]] != above[edges[..., 1]]
-    cut = crossing.any(axis=1)
-    ends, pair = np.unique(np.sort(edges[cut][crossing[cut]], axis=1), axis=0, return_inverse=True)
-    share = (height[ends[:, 0]] / (height[ends[:, 0]] - height[ends[:, 1]]))[:, None]
-    lower, upper = (
-        face[ends[:, 0]] + share * (face[ends[:, 1]] - face[ends[:, 0]]) for face in (bottom, top)
-    )
-    strips = _chains(pair.reshape(-1, 2))
+    cut = cut_edges(triangles, height)
+    lower, upper = cut.places(bottom), cut.places(top)
+    strips = _chains(cut.ends)
     found = []
     for strip in strips:
         if (lower[strip[-1]] - lower[strip[0]]) @ plane.along < 0.0:

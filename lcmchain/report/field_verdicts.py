@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
-from lcmchain.fields.sheet import fibre_strains, sheet_areas
+from lcmchain.fields.sheet import face_centres, fibre_strains, sheet_areas
 from lcmchain.fields.stack import PLY
 from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
+from lcmchain.fields.wrinkle_risk import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES
+from lcmchain.quantities.places import millimetres
 from lcmchain.report.grades import (
     BAD_GRADE,
     DOUBTFUL,
@@ -43,6 +45,7 @@ def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
     """
     found = [
         *_waves(sheet),
+        *_wrinkle_risk(sheet),
         *_fibre_strain(sheet, scene),
         *_shear(sheet, scene),
         *_fibre_volume(sheet),
@@ -69,6 +72,30 @@ def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
     )
     remedy = "blank.edge_length" if grade != GOOD else ""
     yield Verdict("Resolution of wrinkles", grade, text, remedy)
+
+
+def _wrinkle_risk(sheet: xr.Dataset) -> Iterator[Verdict]:
+    """Say where to look; never bad, for it is a forecast."""
+    if RISK not in sheet:
+        return
+    last = sheet.isel(time=-1)
+    areas = {
+        name: _area_where(sheet, last[name].values >= EXPECTED)
+        for name in (RISK, COMPRESSION, LOCKING, WAVES)
+        if name in last
+    }
+    if areas[RISK] == 0.0:
+        yield Verdict("Wrinkle risk", GOOD, "no wrinkles are to be expected beside those shown")
+        return
+    words = {COMPRESSION: "compressed fibres", LOCKING: "locking", WAVES: "waves of few elements"}
+    causes = [f"{_area(areas[name])} by {word}" for name, word in words.items() if areas.get(name)]
+    place = millimetres(face_centres(sheet, formed=True)[int(np.nanargmax(last[RISK].values))], 1)
+    text = (
+        f"wrinkles are to be expected in {_area(areas[RISK])} ({', '.join(causes)}), most at "
+        f"{place}; this mesh may hide them"
+    )
+    grade = grade_of(areas[RISK], LOCAL_AREA, 1.0)
+    yield Verdict("Wrinkle risk", grade, text, "blank.edge_length" if grade != GOOD else "")
 
 
 def _fibre_strain(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:

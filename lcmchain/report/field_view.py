@@ -25,6 +25,7 @@ BUDGET = 5_000_000
 COLOURS = 24
 
 _PRESSURE, _STRAIN = ("kPa", 1e-3), ("%", 100.0)
+_RISK = ("", 1.0, "YlOrRd", False, 2, 0.0, 1.0)
 #: How fields are shown of which no picture is drawn.
 _OTHERS = (
     Shown("fibre_strain_1", "Strain of fibre 1", *_STRAIN, "PuOr_r", True, 3),
@@ -35,6 +36,9 @@ _OTHERS = (
     Shown("shear_angle_31", "Shear angle, fibres 3, 1", "°", 180.0 / np.pi, "RdBu_r", True, 1),
     Shown("compaction_pressure", "Compaction pressure", *_PRESSURE, "viridis", False, 2),
     Shown("bending_pressure", "Pressure of bending", *_PRESSURE, "viridis", False, 2),
+    Shown("wrinkle_risk_compression", "Risk by compression", *_RISK),
+    Shown("wrinkle_risk_locking", "Nearness of locking", *_RISK),
+    Shown("wrinkle_risk_waves", "Risk by unresolved waves", *_RISK),
     Shown("areal_fibre_mass", "Fibre mass per area", "g/m²", 1e3, "YlGnBu", False, 1),
     *(
         Shown(f"permeability_{i}", f"Principal permeability {i}", "µm²", 1e12, "cividis", False, 3)

@@ -57,6 +57,9 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
             parts.append(f"fibres strained by up to {percent(ply['fibre_strain_max'])}")
         if "wrinkle_height_max_m" in ply:
             parts.append(f"wrinkles up to {1e3 * ply['wrinkle_height_max_m']:.2f} mm")
+        if "wrinkle_risk_max" in ply:
+            risk = _risky_part(ply["wrinkle_risk_part"])
+            parts.append(f"wrinkle risk up to {ply['wrinkle_risk_max']:.2f}, {risk}")
         if "slip_path_max_m" in ply:
             parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
         value = "film" if name in films else "without fibres"
@@ -101,9 +104,20 @@ def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:
     if "fibre_strain_max" in summary:
         strain = summary["fibre_strain_max"]
         yield Number("Fibre strain", f"up to {percent(strain)}", "magnitude, of all families")
+    if "wrinkle_risk_max" in summary:
+        value = f"up to {summary['wrinkle_risk_max']:.2f}"
+        part = _risky_part(summary["wrinkle_risk_part"])
+        yield Number("Wrinkle risk", value, f"in the last frame, {part}")
     if "punch_force_max_N" in summary:
         value = f"{_quoted_force(summary):.4g} N{_uncertainty(summary)}"
         yield Number("Force of the punch", value, "".join(_punch_force(summary)))
+
+
+def _risky_part(part: float) -> str:
+    """Say in how much of the area wrinkles are to be expected."""
+    if part == 0.0:
+        return "nowhere 1, from which on wrinkles are to be expected"
+    return f"1 or more in {percent(part)} of the area, where wrinkles are to be expected"
 
 
 def _grippers(summary: Mapping[str, Any]) -> Iterator[Number]:
@@ -207,8 +221,19 @@ def _time(summary: Mapping[str, Any]) -> Iterator[Number]:
             "Process time",
             f"{1e3 * summary['process_time_s']:g} ms",
             f"the sheet needs at least {milliseconds_text(needed['least_s'])}, and "
-            f"{milliseconds_text(needed['sufficient_s'])} to be safe",
+            f"{milliseconds_text(needed['sufficient_s'])} to be safe{_early_rest(summary)}",
         )
+
+
+def _early_rest(summary: Mapping[str, Any]) -> str:
+    """Say in which stages the sheet was at rest before their time, which then passed by itself."""
+    texts = []
+    for stage in summary.get("stages", ()):
+        reached = stage.get("rest", {}).get("reached_s")
+        if reached is not None and reached < stage["end_s"]:
+            after, whole = (1e3 * (time - stage["start_s"]) for time in (reached, stage["end_s"]))
+            texts.append(f"{stage['name']} after {after:.3g} of {whole:.4g} ms")
+    return f"; at rest, and without steps from there on: {', '.join(texts)}" if texts else ""
 
 
 def _energies(summary: Mapping[str, Any]) -> Iterator[Number]:

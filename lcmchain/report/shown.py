@@ -23,6 +23,7 @@ class Shown:
     signed: bool  # zero in the middle of the colours
     decimals: int
     lowest: float | None = None  # value of the first colour, where it is not the smallest one
+    reaches: float | None = None  # value that the last colour has at least
 
     @property
     def label(self) -> str:
@@ -46,6 +47,7 @@ SHOWN = (
     Shown("thickness", "Thickness", "mm", 1e3, "viridis", False, 3),
     Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, "YlGnBu", False, 3),
     Shown("wrinkle_height", "Height of wrinkles", "mm", 1e3, "PuOr_r", True, 2),
+    Shown("wrinkle_risk", "Wrinkle risk", "", 1.0, "YlOrRd", False, 2, lowest=0.0, reaches=1.0),
     Shown("springback", "Springback", "mm", 1e3, "viridis", False, 2),
 )
 
@@ -90,6 +92,8 @@ def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
         low, high = -limit, limit
     if shown.lowest is not None:
         low = shown.lowest
+    if shown.reaches is not None:
+        high = max(high, shown.reaches)
     if high - low < 1e-3 * max(abs(high), 1e-12):  # constant but for round-off
         middle = 0.5 * (low + high)
         low, high = middle - 0.005 * abs(middle), middle + 0.005 * abs(middle)

@@ -10,7 +10,9 @@ import numpy as np
 
 from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import reference_positions, sheet_positions
+from lcmchain.fields.stages import STAGE
 from lcmchain.report.packing import packed
+from lcmchain.scene.stages import at_work
 from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.turn import placement, turning
 
@@ -37,8 +39,9 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     Returns
     -------
     Plain values for JSON; arrays as in :func:`lcmchain.report.field_view.view_data`. ``shift`` has
-    three numbers for every saved frame; with ``turn`` of a tool that turns, the nine of a rotation
-    that comes before. A tool outside the room around the sheet is left out.
+    three numbers for every saved frame, ``works`` whether the tool is at work in it; with ``turn``
+    of a tool that turns, the nine of a rotation that comes before. A tool outside the room around
+    the sheet is left out, and so is one that is never at work.
     """
     corners = np.concatenate([reference_positions(sheet), sheet_positions(sheet)])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -50,6 +53,8 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     for index in _shown(surfaces):
         points, triangles = surfaces[index]
         tool = scene.tools[index]
+        if not any(_at_work(scene, tool, history)):
+            continue
         rotations, shifts = _places(tool, places[:, index])
         found.append(
             {
@@ -58,6 +63,7 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
                 "points": packed(1e3 * points, "<f4"),
                 "triangles": packed(triangles, "<i4"),
                 "shift": np.round(1e3 * shifts, 4).tolist(),
+                "works": _at_work(scene, tool, history),
             }
         )
         if rotations is not None:
@@ -76,6 +82,14 @@ def _places(tool: Tool, travels: np.ndarray) -> tuple[np.ndarray | None, np.ndar
     if not turning(table)[0]:
         return None, shifts
     return np.array([rotation for rotation, _ in where]), shifts
+
+
+def _at_work(scene: Scene, tool: Any, history: xr.Dataset) -> list[bool]:
+    """Tell in which saved frames a tool is at work."""
+    if STAGE not in history:
+        return [True] * history.sizes["time"]
+    by_stage = [at_work(tool, stage) for stage in scene.stages]
+    return [by_stage[int(number)] for number in history[STAGE].values]
 
 
 def _shown(surfaces: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:

@@ -60,6 +60,11 @@ class Output(SceneModel):
         description="Longest wave that counts as a wrinkle: wrinkle_height is the deviation from a "
         "sheet smoothed over such waves.",
     )
+    wrinkle_risk: Switch = Field(
+        default=False,
+        description="Tell where wrinkles are to be expected that a coarse mesh hides: compressed "
+        "fibres, nearness of locking, waves of too few elements.",
+    )
     sections: Annotated[
         tuple[Section, ...],
         Row("[[output.sections]] ... for each plane", entries="tables", units=False),

@@ -45,8 +45,9 @@ RESERVED_NAMES = (
     "areal_fibre_mass", "shear_angle", "shear_angle_23", "shear_angle_31", "fibre_strain_1",
     "fibre_strain_2", "fibre_strain_3", "strain_across", "compaction_pressure",
     "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
-    "tool_pressure", "wrinkle_height", "springback", "stack_thickness", "stack_areal_fibre_mass",
-    "stack_fibre_volume_fraction", "stack_ply_count",
+    "tool_pressure", "wrinkle_height", "wrinkle_risk", "wrinkle_risk_compression",
+    "wrinkle_risk_locking", "wrinkle_risk_waves", "springback", "stack_thickness",
+    "stack_areal_fibre_mass", "stack_fibre_volume_fraction", "stack_ply_count",
     *(
         f"{field}_{side}"
         for field in ("ply_pressure", "ply_gap", "slip_path", "ply_contact", "faced_ply")
@@ -580,14 +581,23 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
             if other == pair and share_a_stage(stages, entry.stages)
         ]
         if same:
+            together = _together(entry.stages, given[same[0]][1], scene)
             raise wrong(
-                f"says the same two as interfaces[{same[0]}]; leave one of them out"
+                f"says the same two as interfaces[{same[0]}]{together}; leave one of them out"
                 if pair is not None
-                else f"is left out, and so it is in interfaces[{same[0]}]; one entry "
+                else f"is left out, and so it is in interfaces[{same[0]}]{together}; one entry "
                 "holds for all that no other one names",
                 field=key,
             )
         given.append((pair, entry.stages))
+
+
+def _together(one: tuple[str, ...] | None, other: tuple[str, ...] | None, scene: Scene) -> str:
+    """Name the first stage that two entries share, in words; nothing without stages."""
+    for stage in scene.stages:
+        if all(stages is None or stage.name in stages for stages in (one, other)):
+            return f', which is at work in the stage "{stage.name}" too'
+    return ""
 
 
 def _not_there(name: str, known: Iterable[str], what: str) -> str:

@@ -56,7 +56,7 @@ class Newton:
     def __init__(self, problem: StaticProblem, force_tolerance: float) -> None:
         self.problem = problem
         self.force_tolerance = force_tolerance
-        self.size = float(np.ptp(problem.model.body.mesh.node_positions, axis=0).max())
+        self.size = float(np.ptp(problem.body.mesh.node_positions, axis=0).max())
         self.system = PairSystem(problem.model, problem.held, problem.held_middle)
 
     def correct(self, displacement: np.ndarray, factor: float, next_factor: float) -> StepResult:
@@ -105,7 +105,7 @@ class Newton:
             supported = supported | np.tile(self.problem.held_middle, 2)
         size = np.linalg.norm(np.where(supported, 0.0, residual), axis=0)
         node = int(np.argmax(size))
-        x, y, z = model.body.mesh.node_positions[node]
+        x, y, z = model.node_positions[node]
         start = self.lowest_stiffness(np.zeros_like(displacement), 0.0)
         left = self.lowest_stiffness(displacement, factor) / start if start else 0.0
         cause = LIMIT_POINT if left < NEARLY_SINGULAR else STEPS_TOO_LARGE

@@ -13,6 +13,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from lcmchain.elements.solid_shell.tangent import PAIR_MODES, node_stiffness
 from lcmchain.model import Model
+from lcmchain.statics.forces import STATIC_SOLVER
 
 
 class PairSystem:
@@ -28,15 +29,17 @@ class PairSystem:
         self, model: Model, held: np.ndarray, held_middle: np.ndarray | None = None
     ) -> None:
         self.model = model
-        n = self.pair_count = model.body.mesh.pair_count
-        geometry = model.body.geometry
+        body = model.only_body(STATIC_SOLVER)
+        self.elements = body.mesh.elements
+        n = self.pair_count = body.mesh.pair_count
+        geometry = body.geometry
         area = geometry.volume / (2.0 * geometry.height)
         self.scale = s = float(np.mean(geometry.height) / np.mean(np.sqrt(area)))
         basis = PAIR_MODES.copy()
         basis[:, 4:] *= s
         self.basis = basis
 
-        corners = model.body.mesh.elements
+        corners = self.elements
         full = (3 * corners[:, :, None] + np.arange(3)).reshape(-1, 24)
         rows = np.repeat(full, 24, axis=1).ravel()
         columns = np.tile(full, (1, 24)).ravel()
@@ -125,7 +128,7 @@ class PairSystem:
     def modes(self, displacement: np.ndarray) -> np.ndarray:
         """Return the change (E, 21) of the mode vectors with a nodal displacement."""
         both = self._from_nodes(displacement).reshape(-1, 3)
-        modes = np.einsum("kn,end->ekd", self.basis, both[self.model.body.mesh.elements])
+        modes = np.einsum("kn,end->ekd", self.basis, both[self.elements])
         return modes.reshape(-1, 21)
 
     def _from_nodes(self, displacement):

@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.materials.law import bending_losses_of
 from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
+from lcmchain.statics.forces import STATIC_SOLVER
 
 
 class DirectorCouples(NamedTuple):
@@ -63,8 +65,8 @@ class StaticProblem:
 
     Raises
     ------
-    InputError : arrays that do not fit the model, supports that let the sheet move rigidly, or a
-        law with memory.
+    InputError : a model of several sheets, arrays that do not fit the model, supports that let the
+        sheet move rigidly, or a law with memory.
     """
 
     model: Model
@@ -77,7 +79,7 @@ class StaticProblem:
     dead_forces: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        material = self.model.body.material
+        body, material = self.body, self.body.material
         losses = bending_losses_of(material)
         if losses is not None:
             raise InputError(
@@ -94,14 +96,14 @@ class StaticProblem:
             )
         if self.model.resists_rates:
             raise InputError(
-                f'of "{self.model.body.material.name}" makes its shear depend on the rate, and the '
+                f'of "{material.name}" makes its shear depend on the rate, and the '
                 "static solver knows no time; use the explicit solver, or leave it out for the "
                 "equilibrium that is reached in the end",
                 key="material.viscous",
             )
         if self.model.remembers:
             raise InputError(
-                f'"{self.model.body.material.name}" has a law with memory, which the static solver '
+                f'"{material.name}" has a law with memory, which the static solver '
                 "does not follow; use the explicit solver, or a law without",
                 key="material.law",
             )
@@ -110,7 +112,7 @@ class StaticProblem:
             value = getattr(self, name)
             if value is not None and np.shape(value) != shape:
                 raise InputError(f"must have the shape {shape}, not {np.shape(value)}", key=name)
-        elements, pair_count = self.model.body.mesh.elements, self.model.body.mesh.pair_count
+        elements, pair_count = body.mesh.elements, body.mesh.pair_count
         if self.held_middle is not None and np.shape(self.held_middle) != (3, pair_count):
             shape = np.shape(self.held_middle)
             raise InputError(
@@ -128,6 +130,11 @@ class StaticProblem:
         object.__setattr__(self, "dead_forces", forces)
 
     @property
+    def body(self) -> Body:
+        """The sheet that is solved."""
+        return self.model.only_body(STATIC_SOLVER)
+
+    @property
     def prescribed(self) -> np.ndarray:
         """Prescribed displacements (3, node_count) [m] at load factor 1; 0 elsewhere."""
         if self.displacements is None:
@@ -136,8 +143,8 @@ class StaticProblem:
 
     def directors(self, displacement: np.ndarray) -> np.ndarray:
         """Return the vectors (pair_count, 3) [m] from bottom to top nodes."""
-        position = self.model.body.mesh.node_positions + displacement.T
-        n = self.model.body.mesh.pair_count
+        position = self.body.mesh.node_positions + displacement.T
+        n = self.body.mesh.pair_count
         return position[n:] - position[:n]
 
     def external_forces(self, displacement: np.ndarray) -> np.ndarray:
@@ -145,7 +152,7 @@ class StaticProblem:
         forces = self.dead_forces.copy()
         if self.couples:
             directors = self.directors(displacement)
-            n = self.model.body.mesh.pair_count
+            n = self.body.mesh.pair_count
             for couple in self.couples:
                 force, _ = couple.force_and_gradient(directors[couple.pairs])
                 np.add.at(forces.T, couple.pairs + n, force)
@@ -163,7 +170,7 @@ def require_supports(model: Model, held: np.ndarray, held_middle: np.ndarray | N
     held = np.asarray(held, dtype=bool)
     if held_middle is not None:
         held = held | np.tile(held_middle, 2)
-    centred = model.body.mesh.node_positions - model.body.mesh.node_positions.mean(axis=0)
+    centred = model.node_positions - model.node_positions.mean(axis=0)
     centred = centred / abs(centred).max()
     motions = [np.tile(axis, (len(centred), 1)) for axis in np.eye(3)]
     motions += [np.cross(axis, centred) for axis in np.eye(3)]

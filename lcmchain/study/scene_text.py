@@ -101,9 +101,12 @@ class SceneText:
         try:
             quiet: tuple[str, ...] = WITHOUT_OUTPUT
             require_free(variant.overrides, quiet)  # before its value is looked at
-            if self.scene(variant.overrides, variant.model).wet_forming is None:
+            scene = self.scene(variant.overrides, variant.model)
+            if scene.wet_forming is None:
                 require_free(variant.overrides, WITHOUT_FLOW)
                 quiet = (*quiet, *WITHOUT_FLOW)
+            if scene.stages:  # the borders of which are frames
+                quiet = (*quiet, f"process.frames={len(scene.stages) + 1}")
             return SceneJob(self.scene((*variant.overrides, *quiet), variant.model))
         except InputError as error:
             raise InputError(f'setting "{variant.name}" of the study: {error}') from None

@@ -224,8 +224,8 @@ def shared_history(model: Model, curvature: np.ndarray) -> np.ndarray:
 def random_curvature(rng: np.random.Generator, model: Model) -> np.ndarray:
     """Return β11, β22, β12, q (E, 4) as of elements whose directors turn by up to 25°."""
     span = (
-        np.linalg.norm(model.body.geometry.modes[:, :2], axis=2).min(axis=1)
-        * model.body.geometry.height
+        np.linalg.norm(model.only_body().geometry.modes[:, :2], axis=2).min(axis=1)
+        * model.only_body().geometry.height
     )
     turns = rng.uniform(-0.2, 0.2, (model.element_count, 3)) / span[:, None]
     return np.column_stack([turns, rng.uniform(0.0, 0.04, model.element_count)])
@@ -235,7 +235,7 @@ def corner_forces(
     model: Model, positions: np.ndarray, history: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the internal forces (E, corners, 3) [N] of the kernel; ``history`` goes on."""
-    body = model.body
+    body = model.only_body()
     corner_force = np.full(model.corner_force_size, np.nan)
     past = np.empty(0) if history is None else history
     internal_forces(body.data, positions, corner_force, past)
@@ -271,7 +271,7 @@ def bounds_and_frequencies(
     X, fibres = map(np.array, zip(*references, strict=True))
     x = np.array(x)
     model = separate_elements(X, fibres, material, options or ElementOptions())
-    data = model.body.data
+    data = model.only_body().data
     padded = data.corner_node.size // 8
     omega2, mode = np.zeros(padded), np.zeros(padded, dtype=np.int64)
     history = np.empty(0) if rng is None else shared_history(model, random_curvature(rng, model))
@@ -280,13 +280,13 @@ def bounds_and_frequencies(
     def forces(x):
         return corner_forces(model, positions_of(x), history).reshape(len(x), 24)
 
-    step = 1e-5 * model.body.geometry.height.min()
+    step = 1e-5 * model.only_body().geometry.height.min()
     K = np.zeros((len(x), 24, 24))
     for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
         near = forces(x + dx) - forces(x - dx)
         far = forces(x + 2 * dx) - forces(x - 2 * dx)
         K[:, :, i] = (8 * near - far) / (12 * step)
-    nodal_mass = material.density * model.body.geometry.volume / 8
+    nodal_mass = material.density * model.only_body().geometry.volume / 8
     eigenvalues = np.linalg.eigvals(K / nodal_mass[:, None, None]).astype(complex)
     # a tangent that is not symmetric: the imaginary part of a frequency is growth, not period
     return np.sqrt(omega2[: len(x)]), np.sqrt(eigenvalues).real.max(axis=1)

@@ -7,40 +7,23 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.formats.bulk_data import line, real, require_narrow, rounded
 from lcmchain.mapping.formats.cells import MappedCells
+from lcmchain.mapping.formats.draped_plies import (
+    Tables,
+    covered_cells,
+    draped_plies,
+    losses_of_layers,
+    plain,
+    title,
+)
 from lcmchain.mapping.formats.report import ExportReport, Loss, Saver, worst
-from lcmchain.mapping.plies import HEIGHT, SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES
 
 NAME = "drape"
-
-
-class Tables(NamedTuple):
-    """Rows of one ply, on the M elements where it lies.
-
-    name : of the ply; empty for the only sheet of a part.
-    ids : numbers of the elements, shape (M,).
-    thinning : thickness over its mean over the ply, shape (M,).
-    angles : of each family [degrees], each of shape (M,).
-    mean : thickness of the ply, weighted by area [m].
-    """
-
-    name: str
-    ids: np.ndarray
-    thinning: np.ndarray
-    angles: list[np.ndarray]
-    mean: float
-
-    @property
-    def of_family(self) -> float:
-        """Thickness of each family [m]."""
-        return self.mean / len(self.angles)
 
 
 def prepare(path: Path, cells: MappedCells) -> Saver:
@@ -55,42 +38,9 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
     InputError : solid cells, no thickness or fibre directions, or numbers of cells that do not
         fit into eight columns.
     """
-    cells.require_shells(NAME)
-    target = cells.target
-    require_narrow(target.cell_ids, "cell", target.file)
-    plies = [_tables_of(cells, name) for name in _plies(cells)]
-    return partial(_write, path, cells, [ply for ply in plies if len(ply.ids)])
-
-
-def _plies(cells: MappedCells) -> list[str]:
-    """Names of the plies from the lowest to the highest; one that is empty without a stack."""
-    names = [key.removeprefix(SHARE) for key in cells.scalars if key.startswith(SHARE)]
-    areas = cells.target.surface.areas
-
-    def mean_height(name: str) -> float:
-        height = cells.scalar(f"{HEIGHT}{name}", NAME)
-        known = np.isfinite(height)
-        return float(np.average(height[known], weights=areas[known])) if known.any() else 0.0
-
-    return sorted(names, key=mean_height) or [""]
-
-
-def _tables_of(cells: MappedCells, name: str) -> Tables:
-    prefix = f"{name}_" if name else ""
-    thickness = cells.scalar(f"{prefix}thickness", NAME)
-    families = cells.families(NAME, prefix)
-    known = np.isfinite(thickness) & np.isfinite(sum(families)).all(axis=1)
-    if not name:
-        known &= cells.mapped
-    areas = cells.target.surface.areas[known]
-    mean = float(np.average(thickness[known], weights=areas)) if known.any() else 0.0
-    return Tables(
-        name,
-        cells.target.cell_ids[known],
-        thickness[known] / mean,
-        [np.degrees(angle_from_first_side(cells, family))[known] for family in families],
-        mean,
-    )
+    plies = draped_plies(cells, NAME)
+    require_narrow(cells.target.cell_ids, "cell", cells.target.file)
+    return partial(_write, path, cells, plies)
 
 
 def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
@@ -99,13 +49,13 @@ def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
         for text in _head(cells, families):
             file.write(f"$ {text}\n")
         for number, (ply, family) in enumerate(families, start=1):
-            file.write(f"$ {_title(ply, family)}\n{line('DRAPE', number)}\n")
+            file.write(f"$ {title(ply, family)}\n{line('DRAPE', number)}\n")
             columns = (ply.ids, ply.thinning, ply.angles[family])
             for row in zip(*(column.tolist() for column in columns)):
                 file.write(line("", "ELEM", *row) + "\n")
-    losses = [*_losses_of_layers(plies), *_rounding(plies)]
-    covered = np.unique(np.concatenate([ply.ids for ply in plies])) if plies else np.empty(0)
-    missing = cells.target.cell_count - len(covered)
+    losses = [*losses_of_layers(plies), *_rounding(plies)]
+    covered = covered_cells(plies)
+    missing = cells.target.cell_count - covered
     if missing:
         losses.append(Loss(f"{missing} unmapped cells have no row"))
     thicknesses = {ply.name: ply.of_family for ply in plies}
@@ -120,19 +70,7 @@ def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
         f"{given} and the angle 0, and the elements no material angle or coordinate system of "
         "their own"
     )
-    return ExportReport(NAME, [path.name], len(covered), losses, [note], details)
-
-
-def _losses_of_layers(plies: list[Tables]) -> list[Loss]:
-    most = max((len(ply.angles) for ply in plies), default=1)
-    layer = {
-        1: "the fibre volume fraction and every other field have no place in the table",
-        2: "each family is a ply of half the thickness; that both lie in one layer, the fibre "
-        "volume fraction and every other field have no place in the table",
-        3: "each family is a ply of a third of the thickness; that all lie in one layer, the fibre "
-        "volume fraction and every other field have no place in the table",
-    }[most]
-    return [Loss(layer)]
+    return ExportReport(NAME, [path.name], covered, losses, [note], details)
 
 
 def _rounding(plies: list[Tables]) -> list[Loss]:
@@ -148,24 +86,9 @@ def _rounding(plies: list[Tables]) -> list[Loss]:
     ]
 
 
-def angle_from_first_side(cells: MappedCells, directions: np.ndarray) -> np.ndarray:
-    """Angle [rad] of a fibre from side 1-2 of its cell, in (-pi/2, pi/2], shape (C,).
-
-    A fibre has no sense: an angle and that half a turn further are the same.
-    """
-    corners, normals = cells.target.surface.corners, cells.normals
-    side = corners[:, 1] - corners[:, 0]
-    side = side - np.einsum("ci,ci->c", side, normals)[:, None] * normals
-    across = np.cross(normals, side)
-    angle = np.arctan2(
-        np.einsum("ci,ci->c", directions, across), np.einsum("ci,ci->c", directions, side)
-    )
-    return 0.5 * np.pi - np.mod(0.5 * np.pi - angle, np.pi)
-
-
 def _head(cells: MappedCells, families: list[tuple[Tables, int]]) -> list[str]:
     source = cells.provenance.get("source", "lcmchain")
-    names = [_title(ply, family) for ply, family in families]
+    names = [title(ply, family) for ply, family in families]
     plies = [
         f"PLY,{number},MID,{real(ply.of_family)},0.0,,,{number}, +, ESID   ({name})"
         for number, ((ply, _), name) in enumerate(zip(families, names), start=1)
@@ -178,7 +101,7 @@ def _head(cells: MappedCells, families: list[tuple[Tables, int]]) -> list[str]:
         "element set ESID of a ply holds the elements that have a row in its table.",
     ]
     return [
-        f"Draping of {what}; {_plain(str(source))}; lengths in m, angles in degrees.",
+        f"Draping of {what}; {plain(str(source))}; lengths in m, angles in degrees.",
         f"T of a row: thickness of the formed {'ply' if is_stack else 'sheet'} over its mean; "
         "THETA: angle of the fibre from",
         "side 1-2 of the element, positive about its normal.",
@@ -186,11 +109,3 @@ def _head(cells: MappedCells, families: list[tuple[Tables, int]]) -> list[str]:
         "The plies that take these tables (fill in material and element sets):",
         *plies,
     ]
-
-
-def _title(ply: Tables, family: int) -> str:
-    return _plain(f"{ply.name} {FIBRE_FAMILIES[family]}".strip())
-
-
-def _plain(text: str) -> str:
-    return text.encode("ascii", "replace").decode("ascii")

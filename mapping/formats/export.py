@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.formats import drape, lcmsim, rtmsim, vmap
+from lcmchain.mapping.formats import drape, lcmsim, openradioss, rtmsim, vmap
 from lcmchain.mapping.formats.cells import MappedCells, mapped_cells
 from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
 from lcmchain.mapping.target import TargetMesh
@@ -34,6 +34,7 @@ FORMATS = {
     drape.NAME: Format(drape.prepare, ".drape.fem"),
     rtmsim.NAME: Format(rtmsim.prepare, ".rtmsim.txt", (".rtmsim.bdf",)),
     lcmsim.NAME: Format(lcmsim.prepare, ".lcmsim.csv", (".lcmsim.bdf",)),
+    openradioss.NAME: Format(openradioss.prepare, ".openradioss.inc"),
 }
 
 

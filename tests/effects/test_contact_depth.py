@@ -58,7 +58,7 @@ def test_force_and_thickness_between_plates_are_those_of_the_law_at_their_gap(pr
     positions = pressed.state.position
     top, bottom = positions[2].max(), positions[2].min()
     assert top - bottom == pytest.approx(GAP, rel=1e-3)
-    law = float(pressed.model.body.material.compaction_pressure(GAP / THICKNESS))
+    law = float(pressed.model.only_body().material.compaction_pressure(GAP / THICKNESS))
     force = np.abs(pressed.state.tool_force[:, 2])
     assert force == pytest.approx(law * 20e-3**2, rel=0.02)
 
@@ -73,7 +73,7 @@ def test_the_energy_balance_holds_while_the_springs_follow(pressed):
 
 def test_a_press_force_closes_plates_to_the_gap_of_the_law(pressed):
     """Within 0.5 %, with depths driven to zero: the travel of the tool tells the thickness."""
-    law = pressed.model.body.material
+    law = pressed.model.only_body().material
     force = float(law.compaction_pressure(GAP / THICKNESS)) * 400e-6
     guided = f'{{ type = "guided", direction = [0, 0, -1], force = "{force} N", mass = "0.1 kg", '
     guided += 'gravity = false, damping = "500 N*s/m", ramp = "10 ms" }'
@@ -83,7 +83,7 @@ def test_a_press_force_closes_plates_to_the_gap_of_the_law(pressed):
     assert THICKNESS - state.tool_travel[1] == pytest.approx(GAP, rel=5e-3)
     assert np.ptp(state.position[2]) == pytest.approx(GAP, rel=5e-3)
     assert state.tool_force[1, 2] == pytest.approx(force, rel=5e-3)
-    upper = press.model.body.mesh.elements[:, 4:]
+    upper = press.model.only_body().mesh.elements[:, 4:]
     borne = press.snapshot().contact_force[np.unique(upper)].sum()
     assert borne == pytest.approx(state.tool_force[1, 2], rel=1e-9)
     energy = press.energy()
@@ -167,7 +167,7 @@ def test_the_gap_between_curved_tools_is_found_from_the_flat_sheet():
         """
     )
     model = build_model(scene)
-    found = closest_gap(model.tools, [model.body.mesh], 20e-3)
+    found = closest_gap(model.tools, [model.only_body().mesh], 20e-3)
     assert found == pytest.approx(0.8e-3, rel=0.01)
     assert model.environment.depth_time is not None
 

@@ -107,7 +107,7 @@ def test_an_inactive_effect_of_the_element_would_change_nothing(law, coupled):
     bent = model.node_positions.T + rng.uniform(-2e-4, 2e-4, (3, model.node_count))
 
     def forces(**changes):
-        body = model.body
+        body = model.only_body()
         assert body.data.general is None  # all elements have the quick kernel
         data = body.data._replace(quick_options=body.data.quick_options._replace(**changes))
         changed = replace(model, bodies=(replace(body, data=data),))
@@ -140,7 +140,7 @@ def test_a_curved_sheet_has_the_enhanced_strain():
     model = make.separate_elements(X[None], fibre[None], make.md600(), ElementOptions())
     effect = by_name(effects_of(model))["enhanced strain"]
     assert effect.active and "curved" in effect.reason
-    assert model.body.data.options.enhanced is not None
+    assert model.only_body().data.options.enhanced is not None
 
 
 def test_memory_is_active_where_the_state_holds_a_history():

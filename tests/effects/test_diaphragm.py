@@ -71,7 +71,7 @@ class Film:
     """What a quarter of a film is compared by."""
 
     def __init__(self, simulation):
-        model, mesh = simulation.model, simulation.model.body.mesh
+        model, mesh = simulation.model, simulation.model.only_body().mesh
         x = simulation.state.position.T
         start, now = mesh.mid_surface(model.node_positions), mesh.mid_surface(x)
         self.height = now[np.argmin(np.linalg.norm(start[:, :2], axis=1)), 2]

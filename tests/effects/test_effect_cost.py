@@ -57,7 +57,7 @@ def instructions(kernel, *arguments):
 def test_a_kernel_without_stiffening_holds_no_code_of_it():
     def count(*overrides):
         model = build_model(scene(*overrides))
-        data = model.body.data
+        data = model.only_body().data
         return instructions(
             element_forces, model.node_positions.T.copy(), data.corner_node, data.corner_run,
             data.element_data, np.zeros(model.corner_force_size), np.zeros(model.history_size),
@@ -77,7 +77,7 @@ FOLDING = 'element={ type = "membrane-shell", bending = false }'
 def test_a_membrane_holds_no_code_of_moments():
     def count(kernel, *overrides):
         model = build_model(scene("element=membrane-shell", *overrides))
-        data = model.body.data
+        data = model.only_body().data
         named = data._asdict() | {
             "positions": model.node_positions.T.copy(),
             "patch_node": data.corner_node,

@@ -68,7 +68,7 @@ def swept(model, position, way, pairs):
 def test_work_is_pressure_times_the_volume_that_the_face_sweeps(angle):
     model = model_of(angle)
     x = crumpled(model)
-    elements = model.body.mesh.elements
+    elements = model.only_body().mesh.elements
     rng = np.random.default_rng(1)
     for _ in range(3):
         way = rng.normal(size=x.shape)
@@ -83,7 +83,7 @@ def test_flat_sheet_gets_pressure_times_area_and_no_moment():
     x = model.node_positions.T.copy()
     force = forces_on_nodes(model, x, 0.0, 1e5)
     np.testing.assert_allclose(force.sum(axis=1), [0.0, 0.0, -1e5 * 0.03 * 0.02], atol=1e-12)
-    pairs = model.body.mesh.pair_count
+    pairs = model.only_body().mesh.pair_count
     assert np.abs(force[:, :pairs]).max() == 0.0
     np.testing.assert_allclose(force[2, pairs:], -1e5 * model.nodes.area[pairs:], rtol=1e-12)
 
@@ -100,7 +100,7 @@ def test_load_stiffness_is_within_its_bound():
     model = model_of()
     x = crumpled(model)
     element = 9
-    nodes = model.body.mesh.elements[element]
+    nodes = model.only_body().mesh.elements[element]
     lanes = np.zeros(model.face_pressure.elements.padded_count)
     face_frequencies(model.face_pressure.elements, x, 1e6, lanes)
     mass = model.face_pressure.elements.mass[element]
@@ -141,7 +141,9 @@ def test_bag_on_both_faces_compacts_to_the_pressure_of_the_law():
         simulation = Simulation(model)
         simulation.advance_to(2e-3)
         stretch = simulation.require_sound()[0].thickness_stretch
-        np.testing.assert_allclose(model.body.material.compaction_pressure(stretch), 1e5, rtol=2e-3)
+        np.testing.assert_allclose(
+            model.only_body().material.compaction_pressure(stretch), 1e5, rtol=2e-3
+        )
         energy = simulation.energy()
         assert energy["external"] > energy["internal"] > 0.0
         errors.append(abs(energy["balance_error"]) / energy["external"])

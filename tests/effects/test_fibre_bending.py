@@ -138,12 +138,14 @@ def test_an_arc_within_the_plane_has_its_energy(element, family):
     # a fibre shifted across itself keeps its arc; at 60 mm the chord of 10 mm leaves 0.03 %
     np.testing.assert_allclose(np.abs(kappa[family, bent]), 1.0 / R, rtol=0.01)
     np.testing.assert_allclose(kappa[1 - family], 0.0, atol=1e-9 / R)
-    D = model.body.material.fibre_bending[family]
+    D = model.only_body().material.fibre_bending[family]
     area = model.nodes.area[table.below][bent].sum()
     energy = stored_energy(table, position.T)
     assert energy == pytest.approx(0.5 * D / R**2 * area, rel=0.01)
-    inertia = model.body.material.thickness**3 / 12.0
-    assert D == pytest.approx(0.1 * model.body.material.bending_matrix()[family, family] * inertia)
+    inertia = model.only_body().material.thickness ** 3 / 12.0
+    assert D == pytest.approx(
+        0.1 * model.only_body().material.bending_matrix()[family, family] * inertia
+    )
 
 
 @pytest.mark.parametrize("element", TYPES)
@@ -198,7 +200,7 @@ def test_lines_follow_the_fibres_of_moved_nodes_and_end_at_cut_edges():
 
 def test_a_line_without_the_other_fibre_is_left_out():
     """What bends within the plane is told by the direction across, which no edge gives here."""
-    body = model_of("membrane-shell").body
+    body = model_of("membrane-shell").only_body()
     up = np.broadcast_to([0.0, 0.0, 1.0], body.mesh.fibre_direction_2.shape)
     odd = SimpleNamespace(
         mesh=replace(body.mesh, fibre_direction_2=up),

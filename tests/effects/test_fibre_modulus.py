@@ -51,7 +51,7 @@ def scene(*overrides, text=SHEET):
 def test_the_moduli_of_the_membrane_and_only_they_are_lowered(material):
     text = SHEET.replace('preset = "MD600"', f'preset = "MD600"{material}')
     plain, low = (
-        build_model(scene(*chosen, text=text)).body.material
+        build_model(scene(*chosen, text=text)).only_body().material
         for chosen in ((), ("process.fibre_modulus_factor=0.25",))
     )
     changed = {

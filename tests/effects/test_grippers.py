@@ -71,7 +71,7 @@ def total_momentum(simulation):
 def test_a_spring_in_series_with_a_strip():
     """F0 + k u with the way that is left of the stroke, the strip's own stretch taken off."""
     simulation = run(DAMPED)
-    body = simulation.model.body
+    body = simulation.model.only_body()
     along = body.material.stress_and_tangent(np.zeros(6))[1][0, 0]
     strip = along * WIDTH * body.material.thickness / LENGTH
     force = simulation.state.gripper_force[0]

@@ -128,7 +128,7 @@ def test_a_change_of_the_pace_is_known_at_once():
 def test_the_floor_is_a_part_of_shearing_the_sheet():
     model = build_model(scene())
     law = pace_law(model.bodies, 0.1, 2.0)
-    material = model.body.material
+    material = model.only_body().material
     # at small angles the work is half the modulus times the square of the shear
     modulus = shear_wave_speeds(material)[0] ** 2 * material.density
     assert shear_energy(material, 1e-3) == pytest.approx(0.5e-6 * modulus, rel=0.02)

@@ -88,7 +88,9 @@ def test_compiled_volume_and_its_rate(angle):
     x = crumpled(model)
     v = np.random.default_rng(1).normal(size=x.shape)
     volume, rate = volumes(model, x, v)
-    np.testing.assert_allclose(volume, trilinear_volumes(x.T[model.body.mesh.elements]), rtol=1e-12)
+    np.testing.assert_allclose(
+        volume, trilinear_volumes(x.T[model.only_body().mesh.elements]), rtol=1e-12
+    )
     step = 1e-6
     ahead, back = (volumes(model, x + s * v)[0] for s in (step, -step))
     # a cubic of the step: the difference leaves its third derivative
@@ -119,7 +121,7 @@ def test_force_by_complex_step():
         for d in range(3):
             moved = x.astype(complex)
             moved[d, node] += 1e-30j
-            work = np.sum(p * trilinear_volumes(moved.T[model.body.mesh.elements]))
+            work = np.sum(p * trilinear_volumes(moved.T[model.only_body().mesh.elements]))
             assert force[d, node] == pytest.approx(work.imag / 1e-30, rel=1e-11, abs=1e-9)
 
 
@@ -145,7 +147,7 @@ def test_stiffness_of_the_geometry_is_symmetric_and_within_its_bound():
     element = 9
     p = np.zeros(model.element_count)
     p[element] = 1e6
-    nodes = model.body.mesh.elements[element]
+    nodes = model.only_body().mesh.elements[element]
     K = np.empty((24, 24))
     step = 1e-6
     for column in range(24):
@@ -169,10 +171,13 @@ def test_equal_pressure_loads_no_node_within_the_sheet(angle):
     model = model_of(angle)
     x = crumpled(model)
     force = forces_on_nodes(model, x, np.full(model.element_count, 1e5))
-    pairs = model.body.mesh.pair_count
+    pairs = model.only_body().mesh.pair_count
     inner = np.ones(pairs, dtype=bool)
     edges = np.concatenate(
-        [np.sort(np.column_stack([f, np.roll(f, -1)]), axis=1) for f in model.body.mesh.faces]
+        [
+            np.sort(np.column_stack([f, np.roll(f, -1)]), axis=1)
+            for f in model.only_body().mesh.faces
+        ]
     )
     edges = edges[edges[:, 0] != edges[:, 1]]
     pair, count = np.unique(edges, axis=0, return_counts=True)
@@ -286,7 +291,10 @@ def test_resistance_makes_the_stable_step_shorter():
     step = simulation.critical_step()
     assert step / dry == pytest.approx(np.sqrt(1.0 + 0.125**2) - 0.125, rel=1e-9)
     # |∂V/∂a3| = 2A of a flat element, whose other gradients are smaller by its thickness
-    area, mass = model.body.mesh.areas(model.node_positions), model.pore.mass[model.pore.place]
+    area, mass = (
+        model.only_body().mesh.areas(model.node_positions),
+        model.pore.mass[model.pore.place],
+    )
     np.testing.assert_allclose(mobility[model.pore.place], 4.0 * area**2 / mass, rtol=0.1)
 
 

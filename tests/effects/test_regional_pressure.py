@@ -78,7 +78,7 @@ def test_the_force_is_pressure_times_the_area_of_the_region(place):
     np.testing.assert_allclose(force.sum(axis=1), [0.0, 0.0, -1e5 * area], atol=1e-10)
     # whole and empty elements to the last digit: their share is 1 and 0
     share = model.face_pressure.entry_shares[0, 1]
-    centre = model.body.mesh.mid_surface_positions[model.body.mesh.faces].mean(axis=1)
+    centre = model.only_body().mesh.mid_surface_positions[model.only_body().mesh.faces].mean(axis=1)
     if place == "along edges of elements":
         inside = (np.abs(centre[:, 0] + 2.5e-3) < 7.5e-3) & (np.abs(centre[:, 1]) < 5e-3)
         np.testing.assert_array_equal(share[model.face_pressure.elements.place], inside)
@@ -118,7 +118,7 @@ def test_regions_have_tables_of_their_own():
         assert sums == pytest.approx([-p * area for p in pressures], abs=1e-9)
         assert model.face_pressure.size_at(time) == pytest.approx(max(map(abs, pressures)))
     peak = model.face_pressure.peak[model.face_pressure.elements.place]
-    centre = model.body.mesh.mid_surface_positions[model.body.mesh.faces].mean(axis=1)
+    centre = model.only_body().mesh.mid_surface_positions[model.only_body().mesh.faces].mean(axis=1)
     np.testing.assert_allclose(peak, np.where(centre[:, 0] < 0.0, 0.2e6, 0.3e6))
     found = np.empty(model.face_pressure.elements.padded_count)
     face_frequencies(model.face_pressure.elements, model.node_positions.T.copy(), 1.0, found)

@@ -102,10 +102,10 @@ def test_all_off_is_the_scene_that_never_called_for_them():
     bare = scene(BARE)
     models = [build_model(one) for one in (off, bare)]
     assert models[0].history_size == models[1].history_size
-    assert models[0].body.data.law == models[1].body.data.law
-    assert type(models[0].body.data.law) is type(models[1].body.data.law)
-    assert [type(o) for o in models[0].body.data.options] == [
-        type(o) for o in models[1].body.data.options
+    assert models[0].only_body().data.law == models[1].only_body().data.law
+    assert type(models[0].only_body().data.law) is type(models[1].only_body().data.law)
+    assert [type(o) for o in models[0].only_body().data.options] == [
+        type(o) for o in models[1].only_body().data.options
     ]
     for arrays in (State, Scratch):
         shapes = [arrays.shapes_and_types(model) for model in models]
@@ -140,9 +140,9 @@ def test_on_adds_what_is_known():
     assert told(with_weight)["gravity"].reason.startswith('effects.gravity = "on"')
     assert not told(scene(BARE))["gravity"].active
     model = build_model(scene(BARE, "effects.enhanced_strain=on"))
-    assert model.body.data.options.enhanced is not None
+    assert model.only_body().data.options.enhanced is not None
     model = build_model(scene(BARE))
-    assert model.body.data.options.enhanced is None
+    assert model.only_body().data.options.enhanced is None
 
 
 def test_the_enhanced_strain_of_a_coupling_law_can_be_left_out():
@@ -165,7 +165,7 @@ def test_the_enhanced_strain_of_a_coupling_law_can_be_left_out():
     work = []
     for one in (scene(steel), without):
         forces = make.corner_forces(build_model(one), bent, np.zeros(model_size(one)))
-        nodes = build_model(one).body.mesh.elements
+        nodes = build_model(one).only_body().mesh.elements
         work.append(float((forces * (bent - X).T[nodes]).sum()))
     assert work[1] > 1.1 * work[0] > 0.0  # without it the sheet is too stiff in bending
 
@@ -181,8 +181,8 @@ def test_triangles_can_be_membranes_alone():
         model = build_model(one)
         sim = Simulation(model)
         sim.state.position[:] = bent
-        membrane = build_model(without).body.stored_energy(bent, np.empty(0))[0]
-        energy = model.body.stored_energy(bent, np.empty(0))[0]
+        membrane = build_model(without).only_body().stored_energy(bent, np.empty(0))[0]
+        energy = model.only_body().stored_energy(bent, np.empty(0))[0]
         assert (energy > 1.001 * membrane) == resists
         sim.state.position[:] = flat
         sim.state.position[2] += 1e-9 * np.sin(200.0 * flat[0])  # a motion without membrane strain

@@ -74,7 +74,7 @@ def stroke(force, distance=0.35e-3):
 
 def of_law(gap):
     """Force of the sheet at a gap [m], by its law [N]."""
-    law = plates().model.body.material
+    law = plates().model.only_body("a test").material
     return float(law.compaction_pressure(gap / THICKNESS)) * 400e-6
 
 

@@ -76,7 +76,7 @@ def test_rows_that_differ_by_rounding_are_shared_and_others_are_not():
 
 
 def test_the_elements_of_a_regular_sheet_have_one_block_of_constants():
-    data = model_of().body.data
+    data = model_of().only_body().data
     assert data.element_data.start.size == 3000 // LANES + 1
     assert data.element_data.values.size == 19 * LANES
     assert data.quick_data.values.size == ALIGNED_ROWS * LANES
@@ -87,7 +87,7 @@ def test_the_elements_of_a_regular_sheet_have_one_block_of_constants():
 @pytest.mark.parametrize("angle", [10.0, 30.0, 45.0])
 def test_elements_that_a_turned_outline_cuts_keep_their_own_and_the_others_share_one(angle):
     """Cut elements come together: few blocks have one, hardly more than there are cut elements."""
-    body = model_of(angle=angle).body
+    body = model_of(angle=angle).only_body()
     data, count = body.data, body.mesh.element_count
     assert data.element_data.values.size == 66 * LANES * data.element_data.start.size
     assert data.quick_data.values.size == ALIGNED_ROWS * LANES
@@ -101,7 +101,7 @@ def test_elements_that_a_turned_outline_cuts_keep_their_own_and_the_others_share
 def test_a_cut_sheet_moves_as_it_does_when_all_its_elements_count_as_curved(monkeypatch):
     def formed(quick):
         simulation = Simulation.from_scene(scene_from_text(DRAWN))
-        assert (simulation.model.body.data.quick_data is not None) == quick
+        assert (simulation.model.only_body().data.quick_data is not None) == quick
         simulation.advance_to(1e-3)
         return simulation.state
 
@@ -125,7 +125,7 @@ def test_a_sheet_along_its_fibres_moves_as_parallelograms_do(monkeypatch):
 
     def formed(quick):
         simulation = Simulation.from_scene(scene)
-        data = simulation.model.body.data
+        data = simulation.model.only_body().data
         assert (data.quick_data is not None) == quick
         assert (data.general is None) == quick
         simulation.advance_to(1e-3)

@@ -109,9 +109,9 @@ def compaction(model, positions, renewed=True):
     history = np.zeros(model.history_size)
     if renewed:
         model.renew(x, history)
-    padded = model.history_size // model.body.history_count
+    padded = model.history_size // model.only_body().history_count
     strain, bending, hourglass = np.empty((padded, 6)), np.empty(padded), np.empty(padded)
-    strain_energies(model.body.data, x, history, strain, bending, hourglass)
+    strain_energies(model.only_body().data, x, history, strain, bending, hourglass)
     return strain[: model.element_count, 2], history
 
 
@@ -145,9 +145,9 @@ def test_forces_derive_from_the_energy(batch, shape):
 @pytest.mark.parametrize("shape", ["flat", "curved"])
 def test_tangent_is_the_derivative_of_the_forces(batch, shape):
     model, x, _, history = batch(shape)
-    displacement = (x - model.body.mesh.node_positions.reshape(x.shape)).reshape(-1, 3).T
+    displacement = (x - model.only_body().mesh.node_positions.reshape(x.shape)).reshape(-1, 3).T
     K = node_stiffness(linearise(model, displacement, history=history).stiffness)
-    step = 1e-3 * model.body.geometry.height.min()
+    step = 1e-3 * model.only_body().geometry.height.min()
     for i in range(0, 24, 5):
         move = np.zeros((8, 3))
         move.flat[i] = step
@@ -266,7 +266,7 @@ def test_a_sheet_that_is_curved_at_the_start_has_no_strain_and_turns_freely(make
     rng = np.random.default_rng(3)
     curved = cylinder(0.3)
     model = sheet(curved, fibre=(0.0, 1.0, 0.0))
-    assert model.body.data.options.curved is not None
+    assert model.only_body().data.options.curved is not None
     turned = curved @ make.rotation(rng).T + rng.normal(size=3)
     for positions in (curved, turned):
         strain, history = compaction(model, positions)
@@ -287,9 +287,9 @@ def test_the_energy_of_a_renewal_is_booked():
     model = sheet(flat())
     x = positions_of(compacted_bend())
     history = np.zeros(model.history_size)
-    before = sum(model.body.stored_energy(x, history))
+    before = sum(model.only_body().stored_energy(x, history))
     given = model.renew(x, history)
-    after = sum(model.body.stored_energy(x, history))
+    after = sum(model.only_body().stored_energy(x, history))
     assert given == pytest.approx(after - before, rel=1e-3)
     assert abs(given) > 1e-3 * abs(before)
     # once more changes nothing
@@ -304,13 +304,15 @@ def test_fields_have_the_thickness_of_the_kernel():
     bent = cylinder(0.3) + 2e-4 * rng.normal(size=cylinder(0.3).shape)
     strain, history = compaction(model, bent)
     flat_positions = bent.reshape(-1, 3)
-    thickness = derive_fields(model.body.mesh, model.body.material, flat_positions)["thickness"]
+    thickness = derive_fields(model.only_body().mesh, model.only_body().material, flat_positions)[
+        "thickness"
+    ]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
-    condition = model.body.condition(positions_of(bent), history)
+    condition = model.only_body().condition(positions_of(bent), history)
     np.testing.assert_allclose(condition.thickness_stretch * THICKNESS, thickness, rtol=1e-9)
     several = bend_part(
-        model.body.mesh.elements,
-        model.body.mesh.neighbours,
+        model.only_body().mesh.elements,
+        model.only_body().mesh.neighbours,
         np.stack([flat_positions, 2 * flat_positions]),
     )
     np.testing.assert_allclose(several[1], 4.0 * several[0], rtol=1e-9)
@@ -324,9 +326,9 @@ def test_a_fold_shares_no_more_than_a_turn_of_sixty_degrees():
     rows = from_blocks(history, 4, model.element_count)
     half = 0.5 * THICKNESS * np.cos(np.radians(75.0))
     assert 2.0 * rows[:, 3].max() <= 0.25 * (2.0 * half / THICKNESS) ** 2 * (1.0 + 1e-9)
-    thickness = derive_fields(model.body.mesh, model.body.material, folded.reshape(-1, 3))[
-        "thickness"
-    ]
+    thickness = derive_fields(
+        model.only_body().mesh, model.only_body().material, folded.reshape(-1, 3)
+    )["thickness"]
     np.testing.assert_allclose(thickness, THICKNESS * np.sqrt(1.0 + 2.0 * strain), rtol=1e-9)
 
 
@@ -341,6 +343,6 @@ def test_between_steps_a_renewal_puts_in_what_half_a_step_before_it_would():
         given.append(model.renew(x, history, counted_at))
     old = corner_forces(model, x, np.zeros(model.history_size))
     change = corner_forces(model, x, history) - old
-    way = half_way.T[model.body.mesh.elements]
+    way = half_way.T[model.only_body().mesh.elements]
     assert given[1] - given[0] == pytest.approx(-np.sum(change * way), rel=1e-3)
     assert given[2] - given[0] == pytest.approx(np.sum(change * way), rel=1e-3)

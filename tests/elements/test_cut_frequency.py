@@ -33,7 +33,7 @@ def model_of(outline, angle, element="solid-shell"):
 
 def bound_at(model, position):
     """The bound of ω² [1/s²] at node positions (node_count, 3)."""
-    body, history = model.body, model.body.no_history()
+    body, history = model.only_body(), model.only_body().no_history()
     x = np.ascontiguousarray(position.T)
     body.renew(x, history)
     return body.highest_frequency(x, history, model.nodes.mass)
@@ -45,7 +45,7 @@ def true_frequency(model, position):
     stiffness = linearise(model, displacement).stiffness
     corner = np.einsum("ka,ekdlf,lb->eadbf", MODES, stiffness, MODES)
     corner = corner.reshape(model.element_count, 24, 24)
-    place = (3 * model.body.mesh.elements[:, :, None] + np.arange(3)).reshape(-1, 24)
+    place = (3 * model.only_body().mesh.elements[:, :, None] + np.arange(3)).reshape(-1, 24)
     rows, columns = np.repeat(place, 24, axis=1).ravel(), np.tile(place, (1, 24)).ravel()
     K = coo_array((corner.ravel(), (rows, columns)), shape=(3 * model.node_count,) * 2).tocsr()
     scale = diags_array(np.repeat(model.nodes.mass, 3) ** -0.5)
@@ -56,7 +56,7 @@ def true_frequency(model, position):
 def deformed(model, *, shear, compaction, warp, seed):
     """Positions of a sheet that is sheared along the fibres, compacted, and disturbed."""
     rng = np.random.default_rng(seed)
-    X, body = model.node_positions, model.body
+    X, body = model.node_positions, model.only_body()
     e1, e2 = body.mesh.fibre_direction_1[0], body.mesh.fibre_direction_2[0]
     half = 0.5 * math.radians(shear)
     a, b = X @ e1, X @ e2
@@ -69,7 +69,7 @@ def deformed(model, *, shear, compaction, warp, seed):
 @pytest.mark.parametrize("outline, angle", [(SQUARE, 30.0), (SQUARE, 45.0), (KITE, -17.0)])
 def test_bound_lies_above_the_highest_frequency_of_the_sheet(outline, angle):
     model = model_of(outline, angle)
-    assert model.body.mesh.is_triangle.any()
+    assert model.only_body().mesh.is_triangle.any()
     # and how much shorter than that of the highest frequency the step may be at most
     states = [
         (1.15, {"shear": 0.0, "compaction": 1.0, "warp": 0.0}),
@@ -89,11 +89,13 @@ def test_bound_lies_above_the_highest_frequency_of_the_sheet(outline, angle):
 def test_cut_blanks_keep_the_step_of_whole_elements(outline, angle, element):
     model = model_of(outline, angle, element)
     # the edges of inner elements are those along the fibres
-    faces = model.body.mesh.sheet_faces
-    corner = model.body.mesh.mid_surface(model.node_positions)[faces[:, :3]]
-    along = np.abs((corner[:, 1] - corner[:, 0]) @ model.body.mesh.fibre_direction_1[0])
+    faces = model.only_body().mesh.sheet_faces
+    corner = model.only_body().mesh.mid_surface(model.node_positions)[faces[:, :3]]
+    along = np.abs((corner[:, 1] - corner[:, 0]) @ model.only_body().mesh.fibre_direction_1[0])
     whole = np.median(along)
-    speed = math.sqrt(model.body.material.wave_stiffness()[0] / model.body.material.density)
+    speed = math.sqrt(
+        model.only_body().material.wave_stiffness()[0] / model.only_body().material.density
+    )
     assert Simulation(model).critical_step() > whole / speed / 1.2
 
 
@@ -109,7 +111,7 @@ def test_estimated_step_is_that_of_the_solver(element, angle):
 def test_the_bound_at_usual_nodes_grows_with_shear_as_expected(element):
     """By 1 + sin γ, which ``check`` takes for its estimate, and from where whole elements are."""
     model = model_of(SQUARE, 30.0, element)
-    found = model.body.reference_frequencies()
+    found = model.only_body().reference_frequencies()
     shear = 45.0
     position = deformed(model, shear=shear, compaction=1.0, warp=0.0, seed=0)
     bound = bound_at(model, position)[0]

@@ -168,13 +168,13 @@ def assert_agree(batch, forces):
 def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     case = batch(combination)
     kind, shape, strain, hourglass = combination
-    options = case.model.body.data.options
+    options = case.model.only_body().data.options
     is_flat = shape in ("flat", "aligned")
     assert (options.flat is None, options.curved is None) == (not is_flat, is_flat)
     assert (options.director is None) == (strain == "normal")
     assert (options.conservative is None) == (hourglass == "published" or "fabric" not in kind)
     assert (options.enhanced is None) == ("fabric" in kind and is_flat)
-    data = case.model.body.data
+    data = case.model.only_body().data
     assert (data.quick_data is None) == (shape in ("flat", "curved"))
     assert (data.general is None) == (shape == "aligned")
     if data.quick_data is not None:
@@ -221,8 +221,8 @@ def test_a_flat_element_has_the_same_forces_as_a_curved_one(batch, forces_of, ma
         flat.material,
         flat.options,
     )
-    assert general.body.data.options.curved is not None
-    assert general.body.data.quick_data is None
+    assert general.only_body().data.options.curved is not None
+    assert general.only_body().data.quick_data is None
     x = np.insert(flat.x, before, warped, axis=0)
     is_warped = np.insert(np.zeros(ELEMENT_COUNT, dtype=bool), before, True)
     forces = forces_of(Batch(None, None, x, None, None, general))
@@ -251,12 +251,12 @@ def test_stored_energies_agree_with_the_reference_element(batch, make, combinati
         stiffness = case.material.C_membrane.ravel()
         case.material.law = StiffnessLaw(stiffness, stiffness)
         case.model = make.separate_elements(case.X, case.fibres, case.material, case.options)
-    model, count = case.model, case.model.body.data.corner_node.size // 8
+    model, count = case.model, case.model.only_body().data.corner_node.size // 8
     strain, bending, hourglass = np.empty((count, 6)), np.empty(count), np.empty(count)
     positions = make.positions_of(case.x)
-    strain_energies(model.body.data, positions, np.empty(0), strain, bending, hourglass)
+    strain_energies(model.only_body().data, positions, np.empty(0), strain, bending, hourglass)
     real = slice(ELEMENT_COUNT)
-    membrane = case.material.membrane_energy(strain[real]) * model.body.geometry.volume
+    membrane = case.material.membrane_energy(strain[real]) * model.only_body().geometry.volume
     results = case.reference()
     np.testing.assert_allclose(
         membrane + bending[real], [result.energy for result in results], rtol=1e-11
@@ -271,9 +271,11 @@ def test_thickness_stretch_is_that_of_the_normal(batch, make):
     case = batch(FABRIC_FLAT)
     case.x[5] = case.x[5][[4, 5, 6, 7, 0, 1, 2, 3]]
     model = case.model
-    stretch = model.body.condition(
-        make.positions_of(case.x), model.body.no_history()
-    ).thickness_stretch
+    stretch = (
+        model.only_body()
+        .condition(make.positions_of(case.x), model.only_body().no_history())
+        .thickness_stretch
+    )
 
     def half_thickness(nodes):
         a1, a2, a3 = make.cube.T @ nodes / 8.0
@@ -306,7 +308,7 @@ def lane_loops(assembly):
 
 
 def arguments_of(case, make, history):
-    data = case.model.body.data
+    data = case.model.only_body().data
     return (
         make.positions_of(case.x),
         data.corner_node,
@@ -367,7 +369,7 @@ def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
         np.testing.assert_allclose(force, result.force, rtol=0.0, atol=1e-12 * scale)
     changes = [abs(own.force - still.force).max() for own, still in zip(results, frozen)]
     assert np.median(np.divide(changes, scales)) > 1e-4
-    after = case.model.body.element_history(history)
+    after = case.model.only_body().element_history(history)
     expected = VISCOUS.in_step(strain[:, 3], past[1:6], STEP.size)
     np.testing.assert_allclose(after[1:6], expected, rtol=1e-9)
     expected = RUBBING.in_step(strain[:, 3], past[6:9], case.material._shear(strain[:, 3])[0])

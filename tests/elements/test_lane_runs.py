@@ -89,6 +89,6 @@ tools = []
 
 def test_a_sheet_numbered_by_rows_is_loaded_by_vectors():
     model = build_model(scene_from_text(SHEET))
-    for runs in (model.body.data.corner_run, model.fibre_bending.data.runs):
+    for runs in (model.only_body().data.corner_run, model.fibre_bending.data.runs):
         whole = runs.reshape(-1, 3)[:, 0] != SCATTERED
         assert whole.mean() > 0.5

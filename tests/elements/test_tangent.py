@@ -86,13 +86,13 @@ def batch(make):
 
 def kernel_forces(model, displacement):
     """Corner forces (E, 24) of the compiled kernel."""
-    positions = np.ascontiguousarray(model.body.mesh.node_positions.T + displacement)
+    positions = np.ascontiguousarray(model.only_body().mesh.node_positions.T + displacement)
     return corner_forces(model, positions).reshape(model.element_count, 24)
 
 
 def difference_tangents(model, displacement):
     """Tangents (E, 24, 24) by central differences of fourth order of the kernel's forces."""
-    step = 1e-3 * model.body.geometry.height.min()
+    step = 1e-3 * model.only_body().geometry.height.min()
     K = np.empty((model.element_count, 24, 24))
     for i in range(24):
         move = np.zeros((8, 3))
@@ -130,10 +130,10 @@ def test_resultant_gradient_predicts_the_change_of_the_resultants(batch):
     model, displacement = batch("fabric", "curved", {})
     rng = np.random.default_rng(5)
     state = linearise(model, displacement)
-    move = 1e-4 * model.body.geometry.height.min() * rng.normal(size=displacement.shape)
+    move = 1e-4 * model.only_body().geometry.height.min() * rng.normal(size=displacement.shape)
     there = linearise(model, displacement + move)
     back = linearise(model, displacement - move)
-    corner = move.T[model.body.mesh.elements]
+    corner = move.T[model.only_body().mesh.elements]
     modes = np.einsum("kn,end->ekd", PAIR_MODES, _pairs(corner)).reshape(-1, 21)
     predicted = np.einsum("eij,ej->ei", state.resultant_gradient, modes)
     change = 0.5 * (there.resultants - back.resultants)

@@ -47,7 +47,7 @@ class Batch:
         return make.corner_forces(self.model, make.positions_of(x), self.history)
 
     def difference_tangents(self):
-        step = 1e-6 * self.model.body.geometry.height.min()
+        step = 1e-6 * self.model.only_body().geometry.height.min()
         K = np.zeros((COUNT, 24, 24))
         for i, dx in enumerate(step * np.eye(24).reshape(24, 8, 3)):
             near = self.forces(self.x + dx) - self.forces(self.x - dx)
@@ -112,7 +112,7 @@ def test_the_tangent_is_the_derivative_of_the_forces_and_symmetric(batch):
 def test_forces_derive_from_the_energy(material):
     """Work of the forces along a straight path against the change of the stored energies."""
     batch = Batch(material.build())
-    body = batch.model.body
+    body = batch.model.only_body()
     start = batch.X + 0.97 * (batch.x - batch.X)
     points, weights = np.polynomial.legendre.leggauss(3)
     work, pieces = 0.0, 40  # a modulus may jump within a piece

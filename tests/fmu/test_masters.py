@@ -74,7 +74,9 @@ def expected(patch_file):
     for point in range(COUNT):
         simulation.advance_to(point * STEP + STEP)
     model, snapshot = simulation.model, simulation.snapshot()
-    thickness = derive_fields(model.body.mesh, model.body.material, snapshot.position)["thickness"]
+    thickness = derive_fields(
+        model.only_body().mesh, model.only_body().material, snapshot.position
+    )["thickness"]
     values = snapshot.tool_travel[0], thickness.min(), snapshot.energy["internal"]
     return " ".join(float(value).hex() for value in values)
 

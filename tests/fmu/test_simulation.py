@@ -21,7 +21,9 @@ POINTS = [i * STEP for i in range(7)]
 
 def fields_of(simulation):
     position = np.ascontiguousarray(simulation.state.position.T)
-    return derive_fields(simulation.model.body.mesh, simulation.model.body.material, position)
+    return derive_fields(
+        simulation.model.only_body().mesh, simulation.model.only_body().material, position
+    )
 
 
 @pytest.fixture(scope="module")
@@ -392,6 +394,6 @@ def test_arrays_of_fmi3_hold_what_the_direct_run_has(unit3, direct, tmp_path):
     assert result["internal_energy"][-1] == snapshot.energy["internal"]
     change = result["thickness"][-1] - result["thickness"][-2]
     np.testing.assert_allclose(result["thickness_rate"][-1], change / STEP, rtol=1e-9, atol=1e-12)
-    centres = snapshot.position[direct.model.body.mesh.elements].mean(axis=1)
+    centres = snapshot.position[direct.model.only_body().mesh.elements].mean(axis=1)
     np.testing.assert_allclose(result["position_z"][-1], centres[:, 2], rtol=0, atol=1e-15)
     assert sheet_of(tmp_path).attrs["state"] == "complete"

@@ -35,7 +35,7 @@ PAGE = FOLDER / "formats.md"
 BEGIN, END = "<!-- cells of readers and writers: begin -->", "<!-- end -->"
 WRITERS = {
     "netCDF": "netcdf", "VTU": "vtu", "CalculiX": "calculix", "VMAP": "vmap", "DRAPE": "drape",
-    "RTMsim": "rtmsim", "LCMsim": "lcmsim",
+    "OpenRadioss": "openradioss", "RTMsim": "rtmsim", "LCMsim": "lcmsim",
 }  # fmt: skip
 WHOLE, CORNERS, VALUES, REFUSED = "all nodes", "corners", "values", "refused"
 
@@ -212,6 +212,8 @@ class _Writers:
             assert save().cells == 1
         for path in (self.folder / "out").iterdir():
             path.unlink()
+        if format == "openradioss":
+            return WHOLE if self.nodes.shape[1] == corner_count(self.name) else CORNERS
         return WHOLE if format == "vmap" else VALUES
 
 

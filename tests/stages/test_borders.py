@@ -61,7 +61,7 @@ def test_an_elastic_sheet_between_plates_returns_to_its_thickness():
     simulation = simulation_of("press", "hold", "release")
     simulation.advance_to(5 * MS)
     stored = simulation.energy()["internal"]
-    mesh = simulation.model.body.mesh
+    mesh = simulation.model.only_body().mesh
 
     def thickness():
         lower, upper = mesh.elements[:, :4], mesh.elements[:, 4:]

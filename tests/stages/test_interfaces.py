@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lcmchain.errors import InputError
 from lcmchain.interfaces.rows import INTERFACE
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -94,6 +95,16 @@ def test_an_entry_that_goes_on_keeps_its_number():
     first, *others = (stage.ply_contact.data for stage in build_model(scene_from_text(on)).stages)
     assert first.interface_count == 1
     assert all(np.array_equal(first.interface, other.interface) for other in others)
+
+
+@pytest.mark.parametrize("between", ["", 'between = ["ply_1", "ply_2"]\n'])
+def test_two_interfaces_of_the_same_plies_are_told_the_stage_that_they_share(between):
+    both = STACK.replace("[[interfaces]]\n", f"[[interfaces]]\n{between}")
+    shared = both.replace('stages = ["tied"]', 'stages = ["tied", "loose"]')
+    said = "says the same two as" if between else "is left out, and so it is in"
+    match = rf'{said} interfaces\[0\], which is at work in the stage "loose" too'
+    with pytest.raises(InputError, match=match):
+        scene_from_text(shared)
 
 
 FORCE, RATE = 0.25, 1000.0  # of the gripper [N], of the damping of the mass [1/s]

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from lcmchain.effects.tool_motion import active
 from lcmchain.errors import InputError
+from lcmchain.fields import FrameSeries, build_datasets
+from lcmchain.fields.stages import STAGE
+from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
+from lcmchain.report.tool_view import tool_data
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
 from lcmchain.solver.remedies import slower_loads
 from lcmchain.state import State
+from lcmchain.study.scene_text import SceneText
+from lcmchain.study.variant import Variant
+from lcmchain.summary import _before_release
 
 SCENE = """
 process = { frames = 13 }
@@ -51,6 +60,12 @@ motions.punch = { type = "stroke", direction = [0, 0, 1], distance = "0.5 mm", p
 name = "release"
 time = "6 ms"
 rest = true
+"""
+
+UNSTAGED = """
+process = { time = "2 s" }
+blank = { size = ["60 mm", "20 mm"], edge_length = "10 mm" }
+material = { preset = "MD600" }
 """
 
 
@@ -191,3 +206,42 @@ def test_a_remedy_names_the_ramp_of_a_pressure_where_it_is_at_work():
     assert slower_loads(model, 0.4).startswith("stages.press.time")
     released = whole.in_stage(2, State.at_rest(whole))
     assert "pressure.ramp" in slower_loads(released, 0.4)
+
+
+def test_the_view_of_the_report_shows_tools_in_the_frames_in_which_they_work():
+    """The punch is idle in the release; a tool that never works is not there at all."""
+    staged = scene()
+    blank = build_blank(staged.blank, staged.material.thickness)
+    frames = FrameSeries(
+        np.zeros(1), blank.node_positions[None], np.zeros((1, 0)), np.zeros((1, 0, 3))
+    )
+    sheet = build_datasets(staged, blank, frames)["/"]
+    history = xr.Dataset(
+        {"tool_travel": (("time", "tool"), np.zeros((3, 2))), STAGE: ("time", [0, 1, 2])}
+    )
+    works = {tool["name"]: tool["works"] for tool in tool_data(staged, sheet, history)}
+    assert works == {"die": [True, True, True], "punch": [True, True, False]}
+    released = history.isel(time=[2])
+    assert [tool["name"] for tool in tool_data(staged, sheet, released)] == ["die"]
+
+
+@pytest.mark.parametrize(
+    ("rests", "frame"),
+    [((False, False, True), 6), ((False, False, False), 12), ((True, False, True), 6),
+     ((False, True, True), 4), ((True, True, True), 12)],
+)  # fmt: skip
+def test_damping_is_judged_where_forming_ends(rests, frame):
+    """Stages of 4, 2 and 6 ms, a frame each: forming ends with the last one without rest."""
+    staged = scene()
+    stages = [s.model_copy(update={"rest": rest}) for s, rest in zip(staged.stages, rests)]
+    staged = staged.model_copy(update={"stages": tuple(stages)})
+    assert _before_release(staged, np.linspace(0.0, 12e-3, 13).tolist()) == frame
+    assert _before_release(scene_from_text(UNSTAGED), [0.0, 1.0, 2.0]) == 2
+
+
+def test_a_study_leaves_the_borders_of_stages_as_frames():
+    variant = Variant("5 mm", "edge", ("blank.edge_length=5 mm",), 5e-3)
+    text = SceneText(SCENE, str(Path("scene.toml").resolve()))
+    assert text.job(variant).scene.process.frames == 4
+    plain = SceneText(UNSTAGED, str(Path("scene.toml").resolve()))
+    assert plain.job(variant).scene.process.frames == 2

@@ -308,7 +308,7 @@ def test_contact_keeps_half_a_thickness_between_tool_and_nodes(result):
 def test_collapsed_triangle_is_named():
     simulation = Simulation(build_model(scene_from_text(DOME)))
     model, state = simulation.model, simulation.state
-    a, b, c = model.body.mesh.elements[100]
+    a, b, c = model.only_body().mesh.elements[100]
     state.position[:, c] = 0.98 * state.position[:, b] + 0.02 * state.position[:, a]
     with pytest.raises(SimulationError, match=r"triangle \d+ is collapsed .*edge_length"):
         simulation.advance_to(1e-4)

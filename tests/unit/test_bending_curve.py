@@ -119,7 +119,7 @@ def test_a_strip_that_is_let_go_comes_to_hang_as_its_curve_says(overhang, time):
     let_go = scene(size=f"{1e3 * overhang:g} mm", process=process)
     sim = Simulation(build_model(let_go, clamp))
     sim.advance_to(time)
-    mesh = sim.model.body.mesh
+    mesh = sim.model.only_body().mesh
     tip = mesh.node_positions[:, 0] > 0.5 * overhang - 1e-9
     x, _, z = sim.state.position[:, tip].mean(axis=1)
     reach, drop = TIPS[overhang]

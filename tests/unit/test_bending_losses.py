@@ -284,7 +284,7 @@ def test_check_names_the_effects_and_what_limits_the_step():
     off = scene(RUBBED, 'time = "1 ms"', "effects.bending_friction=off")
     assert history_count(off.material.build().law) == 0
     # 1/3 η/ρ (2/L)² of rectangles bounds the step by 2 over it
-    body = build_model(scene('bending.viscous_1 = { viscosity = "500 kPa*s" }')).body
+    body = build_model(scene('bending.viscous_1 = { viscosity = "500 kPa*s" }')).only_body()
     rate = body.reference_frequencies().damping_rate
     assert rate == pytest.approx(5e5 / 3.0 * 4.0 / (597.6 * 1e-4), rel=1e-3)
     stiff = check_scene(scene('bending.viscous_1 = { viscosity = "500 kPa*s" }'))
@@ -352,7 +352,7 @@ viscous_1 = { maxwell = [{ modulus = "60 MPa", relaxation_time = "20 ms" }] }
 """
     the_scene = scene(terms, 'time = "60 ms", mass_damping = "100 1/s"')
     simulation, times = bent(the_scene, 10.0, 0.02), (0.03, 0.04, 0.06)
-    body, found = simulation.model.body, []
+    body, found = simulation.model.only_body(), []
     losses = body.material.bending_losses
     path = np.linspace(0.0, 0.06, 6001)
     loop = Loop([0.0, 10.0], 0.02)
@@ -402,7 +402,7 @@ def test_nothing_is_lost_in_a_rigid_motion():
 def test_a_stiff_dashpot_limits_the_step_and_damps():
     the_scene = scene('bending.viscous_1 = { viscosity = "200 kPa*s" }', 'time = "1 ms"')
     simulation = Simulation(build_model(the_scene))
-    body = simulation.model.body
+    body = simulation.model.only_body()
     step = simulation.prepare_steps()
     assert simulation.control.cause == "damping by the viscosity of the fabric"
     rate = body.damping_rate(simulation.state.position, simulation._history(body))
@@ -430,7 +430,7 @@ def test_a_strip_that_is_let_go_keeps_the_curvature_of_the_law():
     for name in ("position", "history", "work"):
         getattr(free.state, name)[:] = getattr(held.state, name)
     free.advance_to(0.5)
-    body, losses = free.model.body, only_friction()
+    body, losses = free.model.only_body(), only_friction()
     past = body.element_history(free._history(body))
     own = losses.own_memory(body.material.law, past).T
     stays = column(losses, own, "curvature_before_1")
@@ -454,7 +454,7 @@ def test_a_strip_under_a_constant_moment_creeps():
         return [Support("clamp", np.flatnonzero(x < x.min() + 1e-9), "xyz")]
 
     model = build_model(the_scene, clamp)
-    body = model.body
+    body = model.only_body()
     x, y, z = model.node_positions.T
     # a couple of forces along x at the free end, a linear stress over the thickness
     share = np.where(np.abs(y) > 5e-3, 0.5, 1.0) * 0.01

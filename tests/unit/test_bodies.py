@@ -14,6 +14,7 @@ import xarray as xr
 import xugrid
 
 from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, model_datasets, read_group, write_forming_netcdf
 from lcmchain.mesh.blank import build_blank
@@ -21,6 +22,7 @@ from lcmchain.mesh.triangulation import triangulate
 from lcmchain.model import Sheet, assemble_bodies
 from lcmchain.scene import Contact, Element, MembraneShellElement, Process, scene_from_text
 from lcmchain.solver.simulation import Simulation
+from lcmchain.statics.forces import nodal_forces
 from lcmchain.tools.table import build_tool_table
 
 SCENE = """
@@ -178,8 +180,14 @@ def test_ranges_follow_each_other_without_gaps():
     assert model.corner_force_size > model.placed[2].last_force
     assert model.node_count == third.first_node + third.mesh.node_count
     assert model.element_at(second.first_node) >= second.first_element
-    with pytest.raises(ValueError, match="several bodies \\(fabric, set, flat\\)"):
-        _ = model.body.mesh
+    with pytest.raises(
+        InputError, match="plies: a plate is of one sheet, .* 3 \\(fabric, set, flat\\)"
+    ):
+        model.only_body("a plate")
+    with pytest.raises(InputError, match="the static solver is of one sheet"):
+        nodal_forces(model, np.zeros((3, model.node_count)))
+    with pytest.raises(InputError, match="the tangent of the elements is of one sheet"):
+        linearise(model, np.zeros((3, model.node_count)))
 
 
 def test_an_unsound_element_names_its_body():

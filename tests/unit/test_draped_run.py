@@ -13,6 +13,7 @@ from lcmchain.draping import drape, is_drapable
 from lcmchain.draping.drape import _seed
 from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
 from lcmchain.draping.net import PLACED
+from lcmchain.draping.result import draped_datasets
 from lcmchain.draping.surface import draped_surface, level
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import fibre_mass, read_forming, sheet_positions
@@ -331,3 +332,16 @@ def test_the_seed_is_a_place_that_the_tool_touches():
     assert (seed == again).all()
     dome = _seed(scene(), blank, build_tool_table(scene().tools, None, 0.02))
     assert np.allclose(dome, 0.0, atol=1e-12)
+
+
+def test_a_net_tells_the_wrinkle_risk_by_its_nearness_of_locking(result):
+    """Of the other parts it knows nothing; the angle is that of the summary."""
+    quiet = result.datasets["/"]
+    assert not any(name.startswith("wrinkle_risk") for name in quiet)
+    asked = scene("output.wrinkle_risk=true", "draping.locking_angle=30 deg", *NO_FILES)
+    sheet = draped_datasets(asked, drape(asked))["/"]
+    assert {name for name in sheet if name.startswith("wrinkle_risk")} == {
+        "wrinkle_risk", "wrinkle_risk_locking",
+    }  # fmt: skip
+    nearness = np.abs(np.degrees(sheet["shear_angle"].values)) / 30.0
+    np.testing.assert_allclose(sheet["wrinkle_risk"].values, nearness, rtol=1e-9, atol=1e-12)

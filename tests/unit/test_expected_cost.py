@@ -58,7 +58,7 @@ def test_compaction_between_plates_follows_from_their_motion():
 
 def test_stiff_contacts_and_light_tools_shorten_the_step():
     model = model_of(PLATES, "contact.penalty=1000 N/mm^3")
-    areal_mass = model.body.material.areal_mass
+    areal_mass = model.only_body().material.areal_mass
     assert contact_omega2(model) == pytest.approx(1e12 / (0.5 * areal_mass), rel=1e-12)
     assert estimate_run(model).controlled_by == "contact stiffness"
     guided = model_of(

@@ -51,33 +51,33 @@ def test_it_is_the_field_of_the_results():
     flat = build_model(scene_from_text(SCENE))
     X = flat.node_positions + rng.uniform(-1.0, 1.0, (flat.node_count, 3)) * [1e-3, 1e-3, 5e-5]
     X[:, 2] += 20.0 * X[:, 0] ** 2
-    mesh = type(flat.body.mesh)(
+    mesh = type(flat.only_body().mesh)(
         X,
-        flat.body.mesh.elements,
-        flat.body.mesh.fibre_direction_1,
-        flat.body.mesh.fibre_direction_2,
+        flat.only_body().mesh.elements,
+        flat.only_body().mesh.fibre_direction_1,
+        flat.only_body().mesh.fibre_direction_2,
         1.004e-3,
     )
     sim = Simulation(
         assemble_model(
-            mesh, flat.body.material, scene_from_text(SCENE).element, tools=flat.tools,
+            mesh, flat.only_body().material, scene_from_text(SCENE).element, tools=flat.tools,
             tool_names=(), contact=scene_from_text(SCENE).contact,
             process=scene_from_text(SCENE).process,
         )
     )  # fmt: skip
     x = X @ deformation(0.9, 0.8).T + rng.uniform(-1.0, 1.0, X.shape) * [5e-4, 5e-4, 5e-5]
-    body = sim.model.body
+    body = sim.model.only_body()
     positions, history = np.ascontiguousarray(x.T), body.no_history()
     body.renew(positions, history)
     fraction = body.fibre_volume_fraction(body.condition(positions, history))
-    field = derive_fields(mesh, flat.body.material, x)["fibre_volume_fraction"]
+    field = derive_fields(mesh, flat.only_body().material, x)["fibre_volume_fraction"]
     assert np.ptp(field) > 0.1
     np.testing.assert_allclose(fraction, field, rtol=1e-10)
 
 
 def test_triangles_keep_their_thickness():
     sim = deformed(triangles(), 0.8)
-    body = sim.model.body
+    body = sim.model.only_body()
     fraction = body.fibre_volume_fraction(
         body.condition(sim.state.position, sim.model.history_of(body, sim.state.history))
     )

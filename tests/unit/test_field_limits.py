@@ -99,9 +99,9 @@ def test_the_range_of_a_scene_replaces_that_of_the_preset(sheet):
 def test_triangles_are_packed_at_their_initial_thickness():
     scene = scene_from_text(SCENE + 'element = "membrane-shell"\n')
     model = build_model(scene)
-    sheet = model_datasets(scene, model, frames_of(model.body.mesh))["/"]
-    assert len(field_warnings(sheet, model.body.material)) == 1  # predicts no thickness
+    sheet = model_datasets(scene, model, frames_of(model.only_body().mesh))["/"]
+    assert len(field_warnings(sheet, model.only_body().material)) == 1  # predicts no thickness
     sheet["areal_fibre_mass"].values[2, 5] = 0.92 * 1810.0 * 1.004e-3
-    warning = field_warnings(sheet, model.body.material)[1]
+    warning = field_warnings(sheet, model.only_body().material)[1]
     assert "1 element (12.50% of the area), up to 0.92 in element 5" in warning
     assert "at the initial thickness" in warning

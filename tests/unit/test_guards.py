@@ -48,9 +48,9 @@ def test_a_value_that_is_not_a_number_names_node_element_place_and_time(simulati
 def test_a_folded_element_is_named(simulation, fraction, word):
     """Squeeze one element until it holds more fibre than space (0.33), or turn it inside out."""
     model, state = simulation.model, simulation.state
-    bottom, top = model.body.mesh.elements[5, :4], model.body.mesh.elements[5, 4:]
+    bottom, top = model.only_body().mesh.elements[5, :4], model.only_body().mesh.elements[5, 4:]
     middle = 0.5 * (state.position[2, bottom] + state.position[2, top])
-    half = 0.5 * fraction * model.body.material.thickness
+    half = 0.5 * fraction * model.only_body().material.thickness
     state.position[2, bottom], state.position[2, top] = middle - half, middle + half
     with pytest.raises(SimulationError, match=rf"element 5 is {word}\b.*edge_length"):
         simulation.advance_to(1e-4)
@@ -105,7 +105,7 @@ def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
         scene_from_text(cured, overrides=["contact.depth=free", value.replace(" = ", "=")])
     )
     again.advance_to(10e-3)
-    assert again.state.penetration_max.max() < 0.1 * again.model.body.material.thickness
+    assert again.state.penetration_max.max() < 0.1 * again.model.only_body().material.thickness
 
 
 def sunk(scene, depth, part_of_the_process):
@@ -312,11 +312,11 @@ def test_energy_that_has_vanished_or_come_from_nowhere_is_no_end_of_a_process(si
 def test_the_element_that_holds_the_hourglass_energy_is_named(simulation):
     """A checkerboard of one element's corners is its own, and less of its neighbours."""
     model, state = simulation.model, simulation.state
-    nodes = model.body.mesh.elements[5]
+    nodes = model.only_body().mesh.elements[5]
     signs = np.array([1.0, -1.0, 1.0, -1.0] * 2)
     state.position[0, nodes] += 1e-5 * signs
-    energies = model.body.hourglass_energies(state.position, state.history)
-    stored = model.body.stored_energy(state.position, state.history)[1]
+    energies = model.only_body().hourglass_energies(state.position, state.history)
+    stored = model.only_body().stored_energy(state.position, state.history)[1]
     assert np.argmax(energies) == 5 and energies.sum() == pytest.approx(stored)
     element, place = guards._most_hourglass(model, state)
     assert element == 5
@@ -340,9 +340,13 @@ def struck(scene, element_at):
     """What a guard says of a sheet that was struck, the most hourglass energy at a place [m]."""
     sim = Simulation.from_scene(scene_from_text(scene))
     model, state = sim.model, sim.state
-    centres = model.body.mesh.mid_surface(model.node_positions)[model.body.mesh.sheet_faces]
+    centres = model.only_body().mesh.mid_surface(model.node_positions)[
+        model.only_body().mesh.sheet_faces
+    ]
     element = int(np.argmin(np.linalg.norm(centres.mean(axis=1)[:, :2] - element_at, axis=1)))
-    state.position[0, model.body.mesh.elements[element]] += 1e-5 * np.array([1, -1, 1, -1] * 2)
+    state.position[0, model.only_body().mesh.elements[element]] += 1e-5 * np.array(
+        [1, -1, 1, -1] * 2
+    )
     floor = guards.energy_floor(model)
     state.samples[0, SAMPLE_COLUMNS.index("kinetic")] = 40.0 * floor
     state.counters[SAMPLES] = 1

@@ -168,7 +168,7 @@ def cycle():
 
 
 def mean_fields(simulation, snapshot):
-    body = simulation.model.body
+    body = simulation.model.only_body()
     fields = derive_fields(body.mesh, body.material, snapshot.position)
     return fields | pressure_fields(body, snapshot.position, snapshot.history)
 
@@ -202,7 +202,7 @@ def test_the_energy_balance_counts_what_is_lost(cycle):
     lost = [s.energy["inelastic"] for s in snapshots]
     largest = max(s.energy["internal"] for s in snapshots)
     assert min(np.diff(lost)) >= 0.0
-    body = simulation.model.body
+    body = simulation.model.only_body()
     past = body.element_history(snapshots[-1].history)
     density = body.material.dissipated_energy(past)
     assert lost[-1] == pytest.approx(float(density.mean()) * body.volume, rel=1e-9)

@@ -45,7 +45,7 @@ fibre_angle = "45 deg"
 [material]
 preset = "MD600"
 """
-SHEAR, THICKNESS, FRACTION, WRINKLES, SPRINGBACK = SHOWN
+SHEAR, THICKNESS, FRACTION, WRINKLES, RISK, SPRINGBACK = SHOWN
 
 
 @pytest.fixture(scope="module")
@@ -185,6 +185,13 @@ def test_scale_from_a_given_value():
     assert colour_scale(np.array([0.3, 0.5]), FRACTION).norm.vmin == pytest.approx(0.3)
 
 
+def test_a_small_risk_has_pale_colours():
+    """The last colour is that of wrinkles which are to be expected, or of a larger risk."""
+    for largest, last in ((0.0, 1.0), (0.003, 1.0), (2.0, 2.0)):
+        norm = colour_scale(np.array([0.0, largest]), RISK).norm
+        assert (norm.vmin, norm.vmax) == (0.0, last)
+
+
 def test_values_in_words():
     assert SHEAR.text(-2.54) == "\N{MINUS SIGN}2.5°"
     assert SHEAR.text(-0.04) == "0.0°"
@@ -195,6 +202,7 @@ def test_values_in_words():
         "thickness [mm]",
         "fibre volume fraction",
         "height of wrinkles [mm]",
+        "wrinkle risk",
         "springback [mm]",
     ]
 

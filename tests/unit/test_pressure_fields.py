@@ -48,7 +48,7 @@ def flat_body(material, columns=3, rows=2, edge=5e-3):
         f'"{1e3 * edge * rows} mm"]\nedge_length = "{1e3 * edge} mm"\n'
         '[material]\npreset = "MD600"\n'
     )
-    mesh = build_model(scene_from_text(text)).body.mesh
+    mesh = build_model(scene_from_text(text)).only_body().mesh
     return SolidShellBody.build("sheet", mesh, material, Element(), 0, 0)
 
 
@@ -91,7 +91,7 @@ def test_contact_is_the_energy_that_a_change_of_the_thickness_takes(law, strain,
     x = random_elements.deformed(rng, X, fibre, stretch=0.05)
     options = ElementOptions(compaction_strain=strain)
     model = random_elements.separate_elements(X[None], fibre[None], LAWS[law](), options)
-    body = model.body
+    body = model.only_body()
     past = after_compaction(body, -0.4)  # compacted further before: nothing is lost on the way
 
     def energy(nodes):
@@ -268,7 +268,7 @@ def test_a_sheet_without_thickness_has_one_tool_pressure():
         tool_force=np.zeros((2, 2, 3)),
         tool_names=model.tool_names,
         history=np.empty((2, 0)),
-        contact_force=5e4 * np.outer([0.0, 1.0], model.body.node_area),
+        contact_force=5e4 * np.outer([0.0, 1.0], model.only_body().node_area),
     )
     groups = model_datasets(scene, model, frames)
     sheet = groups["/"]
@@ -322,7 +322,7 @@ height = "{apex + 0.502} mm" }}
 def test_compaction_in_a_closed_bend_is_what_the_tools_press():
     """10 mm radius, closed to 80 %: within 5 % of the tools, where λ|S33| is half as much again."""
     simulation = closed_bend(10.0, 0.8032, 2.5)
-    body, state = simulation.model.body, simulation.state
+    body, state = simulation.model.only_body(), simulation.state
     x = np.ascontiguousarray(state.position.T)
     fields = pressure_fields(body, x, state.history)
     on_node = tool_pressure(body, x, state.contact_force)

@@ -49,6 +49,15 @@ def scene(time=100, rate=200, material=MD600, motion=STROKE):
 # --- process time ---------------------------------------------------------------------------------
 
 
+def test_what_a_release_stops_is_no_damping_of_the_process():
+    """Of mass damping that grows with every sample counts what the formed frame has."""
+    energy = {"damping": 1.0, "external": 2.0, "hourglass": 0.0, "internal": 1.0}
+    grown = history(0.0, mass_damping=0.1 * np.arange(1.0, 11.0))
+    for until, part in ((4.0, 0.2), (4.9, 0.2), (math.inf, 0.5)):
+        measures = quasi_static_measures(grown, energy, 0, until=until)
+        assert measures["mass_damping_to_external"] == pytest.approx(part)
+
+
 def test_shear_waves_of_an_isotropic_sheet_run_as_in_closed_form():
     speeds = shear_wave_speeds(scene(material=STEEL).material.build())
     assert speeds == pytest.approx([math.sqrt(0.4e6 / 2000.0)] * 2, rel=1e-12)

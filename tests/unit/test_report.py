@@ -275,6 +275,7 @@ def test_the_view_holds_the_tools_where_they_stand(page):
     assert (punch["name"], block["name"]) == ("punch", "block")
     assert punch["shift"][-1] == pytest.approx([0.0, 0.0, -3.0])
     assert block["shift"] == [[0.0, 0.0, 0.0]] * 3
+    assert punch["works"] == block["works"] == [True] * 3
     points = unpacked(block["points"]).reshape(-1, 3)
     assert points.max(axis=0) == pytest.approx([9.0, 9.0, -10.0], abs=1e-4)
     assert unpacked(block["triangles"], "<i4").max() < len(points)

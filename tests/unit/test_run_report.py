@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lcmchain.commands.run_report import all_warnings, print_result, summary_rows
-from lcmchain.report.numbers import Number
+from lcmchain.report.numbers import Number, ply_numbers
 
 SUMMARY = {
     "title": "dome [1]",
@@ -157,3 +157,29 @@ def test_the_terminal_shows_rows_warnings_and_folder(capsys):
     for warning in all_warnings(SUMMARY):
         assert f"Warning: {warning}" in printed
     assert printed.rstrip().endswith("Results in results/dome")
+
+
+def test_stages_that_are_at_rest_before_their_time_are_told_with_the_process_time():
+    stages = [
+        {"name": "draw", "start_s": 0.0, "end_s": 0.05},
+        {"name": "let_go", "start_s": 0.05, "end_s": 0.45, "rest": {"reached_s": 0.323}},
+        {"name": "wait", "start_s": 0.45, "end_s": 0.5, "rest": {"reached_s": None}},
+    ]
+    value, meaning = rows(SUMMARY | {"stages": stages, "process_time_s": 0.5})["Process time"]
+    assert value == "500 ms"
+    assert meaning.endswith(
+        "; at rest, and without steps from there on: let_go after 273 of 400 ms"
+    )
+    assert "at rest" not in rows(SUMMARY)["Process time"][1]
+
+
+@pytest.mark.parametrize(
+    ("part", "told"), [(0.0, "nowhere 1"), (0.25, "1 or more in 25 % of the area")]
+)
+def test_the_wrinkle_risk_is_told_with_its_part_of_the_area(part, told):
+    risk = {"wrinkle_risk_max": 1.234, "wrinkle_risk_part": part}
+    value, meaning = rows(SUMMARY | risk)["Wrinkle risk"]
+    assert value == "up to 1.23" and told in meaning
+    assert "Wrinkle risk" not in rows(SUMMARY)
+    (row,) = ply_numbers({"plies": {"under": risk}})
+    assert told in row.meaning

@@ -114,7 +114,9 @@ def test_a_net_has_no_model_with_forces():
 def test_without_bending_the_kernel_has_no_curvature_at_all():
     """The membrane's constants hold three corners and five numbers a triangle, not six and 20."""
     scene = scene_from_text(PLAIN)
-    membrane, shell = (build_model(on_rung(scene, m)).body for m in ("membrane", "membrane-shell"))
+    membrane, shell = (
+        build_model(on_rung(scene, m)).only_body() for m in ("membrane", "membrane-shell")
+    )
     assert isinstance(membrane.data, MembraneData) and isinstance(shell.data, MembraneShellData)
     assert not membrane.effects()["bending"][0] and shell.effects()["bending"][0]
     assert membrane.force_nodes.shape[1] == 3 and shell.force_nodes.shape[1] == 6
@@ -134,7 +136,7 @@ def test_the_membrane_is_the_membrane_part_of_the_shell():
     forces, energies, bounds = ([[], []] for _ in range(3))
     for k, positions in enumerate((flat, bent)):
         for model in models:
-            body = model.body
+            body = model.only_body()
             forces[k].append(nodal_forces(body, positions))
             energies[k].append(body.stored_energy(positions, body.no_history())[0])
             mass = model.nodes.mass
@@ -148,7 +150,7 @@ def test_the_membrane_is_the_membrane_part_of_the_shell():
 
 
 def test_the_forces_of_the_membrane_are_those_of_its_energy():
-    body = build_model(on_rung(scene_from_text(PLAIN), "membrane")).body
+    body = build_model(on_rung(scene_from_text(PLAIN), "membrane")).only_body()
     rng = np.random.default_rng(5)
     positions = np.ascontiguousarray(body.mesh.node_positions.T)
     positions += 3e-4 * rng.standard_normal(positions.shape)

@@ -224,7 +224,7 @@ def test_the_number_of_parts_changes_no_bit(monkeypatch, angle):
     def formed(parts):
         scene = scene_from_text(CUP, overrides=(f"blank.fibre_angle={angle}",))
         simulation = Simulation.from_scene(scene)
-        assert (simulation.model.body.data.general is None) == (angle == "0 deg")
+        assert (simulation.model.only_body().data.general is None) == (angle == "0 deg")
         monkeypatch.setattr(
             "lcmchain.solver.loop.build_schedule",
             lambda *arguments: build_schedule(*arguments[:-1], parts),

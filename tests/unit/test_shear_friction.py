@@ -292,7 +292,7 @@ def test_a_released_frame_keeps_the_angle_of_the_law():
     for name in ("position", "history", "work"):
         getattr(free.state, name)[:] = getattr(held.state, name)
     free.advance_to(0.4)
-    body = free.model.body
+    body = free.model.only_body()
     past = GROWING.own_memory(body.material.law, body.element_history(free._history(body)))
     np.testing.assert_allclose(np.arcsin(past[0]), left(GROWING, largest), rtol=0.02)
     energy = free.energy()

@@ -54,7 +54,7 @@ def test_arrays_have_the_declared_shapes():
     for declared in fields(State):
         expected = tuple(size[name] for name in declared.metadata["shape"])
         assert getattr(sim.state, declared.name).shape == expected
-    np.testing.assert_array_equal(sim.state.position.T, sim.model.body.mesh.node_positions)
+    np.testing.assert_array_equal(sim.state.position.T, sim.model.only_body().mesh.node_positions)
 
 
 def test_a_copy_is_whole_and_independent():
@@ -75,7 +75,7 @@ def test_frames_hold_what_is_declared_for_them():
         "position", "tool_travel", "tool_force", "contact_force", "history", "pore_pressure"
     }  # fmt: skip
     sim.state.position += 1.0
-    np.testing.assert_array_equal(frame.position, sim.model.body.mesh.node_positions)
+    np.testing.assert_array_equal(frame.position, sim.model.only_body().mesh.node_positions)
 
 
 def test_arrays_that_are_missing_or_unknown_are_named():

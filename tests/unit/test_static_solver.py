@@ -51,7 +51,7 @@ def dense_stiffness(model):
     """Stiffness (3 N, 3 N) in nodal displacements, components fastest."""
     K = np.zeros((3 * model.node_count,) * 2)
     element = node_stiffness(linearise(model, np.zeros((3, model.node_count))).stiffness)
-    for nodes, part in zip(model.body.mesh.elements, element):
+    for nodes, part in zip(model.only_body().mesh.elements, element):
         dofs = (3 * nodes[:, None] + np.arange(3)).ravel()
         K[np.ix_(dofs, dofs)] += part
     return K

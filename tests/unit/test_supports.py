@@ -93,7 +93,7 @@ def test_the_work_of_a_prescribed_shear_is_stored():
             lambda X, nodes=nodes: [Support("frame", nodes(X), "xy", motion=shear)],
             mass_damping=100.0,
         )
-        X = sim.model.body.mesh.node_positions
+        X = sim.model.only_body().mesh.node_positions
         sim.advance_to(20e-3)
         energy = sim.energy()
         assert energy["internal"] > 0.01
@@ -126,11 +126,11 @@ def test_a_plane_of_symmetry_holds_one_component_only():
         lambda X: [Support("symmetry", np.flatnonzero(X[:, 0] < 1e-9), "x")],
     )
     for sim in (whole, half):
-        X = sim.model.body.mesh.node_positions
+        X = sim.model.only_body().mesh.node_positions
         stretch, twist = 20.0 * X[:, 0] / 15e-3, 5.0 * X[:, 1] / 10e-3
         sim.set_velocity(np.array([stretch, 0.0 * stretch, twist]))
         sim.advance_to(0.5e-3)
-    X, Y = (sim.model.body.mesh.node_positions for sim in (whole, half))
+    X, Y = (sim.model.only_body().mesh.node_positions for sim in (whole, half))
     twin = [int(np.argmin(np.linalg.norm(X - y, axis=1))) for y in Y]
     np.testing.assert_allclose(
         half.state.position, whole.state.position[:, twin], rtol=0.0, atol=1e-9

@@ -73,9 +73,9 @@ def node_forces(sim, position):
     """Internal forces (3, node_count), gathered independently of the solver."""
     model = sim.model
     corner_force = np.zeros(model.corner_force_size)
-    internal_forces(model.body.data, position, corner_force, np.empty(0))
+    internal_forces(model.only_body().data, position, corner_force, np.empty(0))
     total = np.zeros_like(position)
-    for element, nodes in enumerate(model.body.mesh.elements):
+    for element, nodes in enumerate(model.only_body().mesh.elements):
         block, lane = divmod(element, 16)
         for corner, node in enumerate(nodes):
             for d in range(3):
@@ -204,9 +204,9 @@ def test_a_thickness_wave_that_governs_is_looked_at_where_it_may_have_become_fas
     # in a fabric under compaction the law itself stiffens
     fabric = simulation(SHEET)
     fabric.state.position[2] *= 0.98
-    height = fabric.model.body.geometry.height.min()
-    tangent = fabric.model.body.material.stress_and_tangent(np.zeros(6))[1][2, 2]
-    wave = tangent / (fabric.model.body.material.density * height**2)
+    height = fabric.model.only_body().geometry.height.min()
+    tangent = fabric.model.only_body().material.stress_and_tangent(np.zeros(6))[1][2, 2]
+    wave = tangent / (fabric.model.only_body().material.density * height**2)
     assert fabric._may_stiffen(fabric.require_sound(), wave)
 
 
@@ -377,7 +377,7 @@ def test_what_a_renewal_puts_in_is_counted_as_the_steps_see_it():
     velocity[2] = 5.0 * np.cos(200.0 * x[0]) * np.cos(150.0 * x[1])
     sim.set_velocity(velocity)
     sim.advance_to(2e-4)
-    state, body = sim.state, sim.model.body
+    state, body = sim.state, sim.model.only_body()
     past, booked = state.history.copy(), state.work[RENEWAL]
     state.counters[RENEWED] = 0
     sim.prepare_steps()

@@ -115,7 +115,7 @@ def test_a_sheet_of_membrane_shells_has_the_same_gaps(tmp_path):
     model = build_model(membranes)
     with pytest.raises(InputError, match="reaches 0.3 mm into the blank"):
         require_no_initial_overlap(membranes, model.tools)
-    assert not model.body.mesh.has_thickness and build_model(scene).body.mesh.has_thickness
+    assert not model.only_body().mesh.has_thickness and build_model(scene).body.mesh.has_thickness
 
 
 def test_what_lies_far_behind_an_open_skin_is_free(tmp_path):
@@ -273,7 +273,9 @@ def test_a_slope_is_judged_as_the_contact_of_the_elements_sees_it(tmp_path, fami
     tilted = f"tools.punch.axis=[{-math.sin(math.pi / 6)}, 0, {math.cos(math.pi / 6)}]"
     scene = read_scene(tmp_path / "scene.toml", [tilted, f'element.type="{family}"'])
     model = build_model(scene)
-    tool_gap = gaps(model.tools, 1, np.ascontiguousarray(model.body.mesh.node_positions), 0.0)
+    tool_gap = gaps(
+        model.tools, 1, np.ascontiguousarray(model.only_body().mesh.node_positions), 0.0
+    )
     of_contact = float((tool_gap - model.nodes.offset).min())
     assert of_contact == pytest.approx(-1e-3 * overlap * TOP, abs=1e-6)
     if not overlap:

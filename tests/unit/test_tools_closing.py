@@ -177,7 +177,7 @@ def test_a_gap_far_below_the_flat_sheet_is_found_by_check_and_by_the_control_of_
     assert closing.end.gap == pytest.approx(0.8e-3, rel=1e-3)
     assert closing.end.place == pytest.approx([0.0, 0.0, -89.396e-3], abs=2e-3)
     model = build_model(scene)
-    found = closest_gap(model.tools, [model.body.mesh], model.process_time)
+    found = closest_gap(model.tools, [model.only_body().mesh], model.process_time)
     assert found == pytest.approx(closing.closest.gap, rel=1e-6)
     assert model.environment.depth_time is not None
 

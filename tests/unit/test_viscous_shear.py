@@ -269,7 +269,7 @@ def test_check_names_the_effect_and_what_limits_the_step():
     stiff = check_scene(scene('viscous = { viscosity = "100 kPa*s" }'))
     assert stiff.estimate.controlled_by == "damping by the viscosity of the fabric"
     # of squares of 10 mm that know nothing else: 4 η/ρ (1/L² + 1/L²) bounds the step by 2 over it
-    body = build_model(scene('viscous = { viscosity = "100 kPa*s" }')).body
+    body = build_model(scene('viscous = { viscosity = "100 kPa*s" }')).only_body()
     rate = body.reference_frequencies().damping_rate
     assert rate == pytest.approx(8.0 * 1e5 / (597.6 * 1e-4), rel=1e-4)
     assert stiff.estimate.critical_step == pytest.approx(2.0 / rate, rel=0.05)
@@ -323,7 +323,7 @@ def test_a_picture_frame_follows_the_closed_form_at_any_speed(rate):
     time = largest / rate
     the_scene = scene(VISCOUS, f'time = "{time} s"')
     simulation = sheared(the_scene, rate, time)
-    body = simulation.model.body
+    body = simulation.model.only_body()
     angles, work = np.linspace(0.0, largest, 11), [0.0]
     for angle in angles[1:]:
         simulation.advance_to(float(angle / rate))
@@ -381,7 +381,7 @@ def test_a_held_frame_relaxes():
     rate, largest = 50.0, 0.4
     ramp = largest / rate
     simulation = sheared(scene(VISCOUS, 'time = "208 ms"'), rate, ramp)
-    body, viscous = simulation.model.body, simulation.model.body.material.viscous
+    body, viscous = simulation.model.only_body(), simulation.model.only_body().material.viscous
     # struck at the end of the ramp, the sheet swings; after 20 ms the damping of the fabric is done
     for time in (0.028, 0.058, 0.108, 0.208):
         simulation.advance_to(time)
@@ -410,7 +410,7 @@ def test_a_sheet_under_a_constant_load_creeps():
     ends = [np.where(np.abs(along) > 5e-3, 0.5, 1.0) for along in (x, y)]
     force = share * np.array([np.sign(y) * ends[0], np.sign(x) * ends[1], np.zeros_like(x)])
     simulation = Simulation(loaded(model, force))
-    body = model.body
+    body = model.only_body()
     angle = np.linspace(0.0, 0.41, 20001)
     speed = traction * np.cos(0.5 * angle) - modulus * np.sin(angle) * np.cos(angle)
     pieces = 2.0 * np.diff(angle) / (speed[1:] + speed[:-1])
@@ -429,7 +429,7 @@ def test_a_sheet_under_a_constant_load_creeps():
 def test_a_stiff_dashpot_limits_the_step_and_damps():
     the_scene = scene('viscous = { viscosity = "200 kPa*s" }', 'time = "1 ms"')
     simulation = Simulation(build_model(the_scene))
-    body = simulation.model.body
+    body = simulation.model.only_body()
     step = simulation.prepare_steps()
     assert simulation.control.cause == "damping by the viscosity of the fabric"
     rate = body.damping_rate(simulation.state.position, simulation._history(body))

@@ -53,27 +53,36 @@ class Bent(NamedTuple):
     @property
     def history(self) -> np.ndarray:
         """What the elements take of their neighbours' curvature at these positions."""
-        past = self.model.body.no_history()
-        self.model.body.renew(np.ascontiguousarray(self.positions.T), past)
+        past = self.model.only_body().no_history()
+        self.model.only_body().renew(np.ascontiguousarray(self.positions.T), past)
         return past
 
     @property
     def inside(self) -> np.ndarray:
         """Elements away from the ends, where the normals of the nodes are those of one chord."""
-        middle = self.model.body.mesh.node_positions[self.model.body.mesh.elements].mean(axis=1)
+        middle = (
+            self.model.only_body()
+            .mesh.node_positions[self.model.only_body().mesh.elements]
+            .mean(axis=1)
+        )
         return np.abs(middle[:, 0]) < EDGE * (0.5 * COUNT - 1)
 
 
 def bend(radius, load, element=""):
     """Bend a strip with ``load`` times the moment of an elastica of this radius."""
     model = build_model(scene_from_text(SCENE + element))
-    X, pairs = model.body.mesh.node_positions, model.body.mesh.pair_count
+    X, pairs = model.only_body().mesh.node_positions, model.only_body().mesh.pair_count
     clamped = X[:, 0] < X[:, 0].min() + 1e-9
     held = np.array([clamped, clamped, clamped & (np.arange(len(X)) < pairs)])
     tip = np.flatnonzero(X[:pairs, 0] > X[:, 0].max() - 1e-9)
     on_edge = np.abs(X[tip, 1]) > 1e-9
     full = (
-        model.body.material.law.B11 * model.body.material.thickness**3 / 12.0 / radius * 2.0 * EDGE
+        model.only_body().material.law.B11
+        * model.only_body().material.thickness ** 3
+        / 12.0
+        / radius
+        * 2.0
+        * EDGE
     )
     couples = DirectorCouples(tip, np.array([0.0, 1.0, 0.0]), full * np.where(on_edge, 0.25, 0.5))
     problem = StaticProblem(model=model, held=held, couples=(couples,))
@@ -83,7 +92,10 @@ def bend(radius, load, element=""):
     turn = np.diff(np.unwrap(np.arctan2(*np.diff(middle, axis=0)[:, [2, 0]].T)))
     np.testing.assert_allclose(turn, turn.mean(), rtol=1e-6)  # a circle
     return Bent(
-        model, x, derive_fields(model.body.mesh, model.body.material, x)["thickness"], np.abs(turn)
+        model,
+        x,
+        derive_fields(model.only_body().mesh, model.only_body().material, x)["thickness"],
+        np.abs(turn),
     )
 
 
@@ -91,14 +103,14 @@ def bend(radius, load, element=""):
 def test_thickness_of_a_strip_bent_to_a_circle(radius):
     # less than the moment of the radius by what the thinning takes: reached from below
     bent = bend(radius, 0.8)
-    material, thickness = bent.model.body.material, bent.thickness
+    material, thickness = bent.model.only_body().material, bent.thickness
     curvature = 2.0 * np.sin(0.5 * bent.turn.mean()) / EDGE  # of directors over a chord
     expected = expected_stretch(material, curvature) * material.thickness
     np.testing.assert_allclose(thickness, expected, rtol=2e-3)
     assert (thickness < 0.995 * material.thickness).all() or radius > 40e-3
 
     # nothing presses on the strip, whatever its stress S33 is
-    body, inside = bent.model.body, bent.inside
+    body, inside = bent.model.only_body(), bent.inside
     pressure = pressure_fields(body, bent.positions, bent.history)
     assert inside.sum() == 2 * (COUNT - 2)
     contact, bending = (pressure[f"{name}_pressure"][inside] for name in ("compaction", "bending"))
@@ -113,12 +125,12 @@ def test_at_the_reference_thickness_it_stays_as_thick_and_as_stiff(radius):
     bent = bend(radius, 1.0, 'element = { bending_thickness = "reference" }')
     # strain 2 sin(φ/2)/L of a chord; the moment works on its change with the turn φ, cos(φ/2)/L
     np.testing.assert_allclose(np.sin(bent.turn) / EDGE, 1.0 / radius, rtol=1e-3)
-    np.testing.assert_allclose(bent.thickness, bent.model.body.material.thickness, rtol=1e-3)
-    body = bent.model.body
+    np.testing.assert_allclose(bent.thickness, bent.model.only_body().material.thickness, rtol=1e-3)
+    body = bent.model.only_body()
     pressure = pressure_fields(body, bent.positions, bent.history)
     pull = (
-        bent.model.body.material.law.B11
-        * (0.5 * bent.model.body.material.thickness / radius) ** 2
+        bent.model.only_body().material.law.B11
+        * (0.5 * bent.model.only_body().material.thickness / radius) ** 2
         / 3.0
     )
     for name in ("compaction_pressure", "bending_pressure"):

@@ -21,7 +21,7 @@ def between(model, thickness, radius=None, *, follows=True):
     Straight, or bent along fibre 1 about an axis at ``radius`` from the mid-surface; ``follows``:
     elements know the curvature that they share with their neighbours.
     """
-    X, count = model.node_positions, model.body.mesh.pair_count
+    X, count = model.node_positions, model.only_body().mesh.pair_count
     side = np.where(np.arange(len(X)) < count, -0.5, 0.5) * thickness
     position = X.copy()
     position[:, 2] = side
@@ -33,11 +33,11 @@ def between(model, thickness, radius=None, *, follows=True):
     history = np.zeros(model.history_size)
     if follows:
         model.renew(position, history)
-    centre = X[model.body.mesh.elements].mean(axis=1)
+    centre = X[model.only_body().mesh.elements].mean(axis=1)
     inner = (np.abs(centre[:, 0]) < 0.016) & (np.abs(centre[:, 1]) < 0.006)
-    pressure = model.body.normal_pressure(position, history).total
-    stretch = model.body.condition(position, history).thickness_stretch
-    return pressure[inner].mean(), stretch[inner].mean() * model.body.mesh.thickness
+    pressure = model.only_body().normal_pressure(position, history).total
+    stretch = model.only_body().condition(position, history).thickness_stretch
+    return pressure[inner].mean(), stretch[inner].mean() * model.only_body().mesh.thickness
 
 
 @pytest.mark.parametrize("thickness", [0.9e-3, 0.8e-3, 0.7e-3])

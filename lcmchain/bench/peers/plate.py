@@ -73,7 +73,7 @@ def elastic_plate(edge_elements: int = EDGE_ELEMENTS) -> tuple[Plate, Simulation
     velocity = np.zeros_like(nodes)
     velocity[:, 0] = SPEED * np.cos(np.pi * (nodes[:, 0] - nodes[:, 0].min()) / SIDE)
     simulation.set_velocity(velocity.T)
-    return Plate(nodes, simulation.model.body.mesh.elements, velocity), simulation
+    return Plate(nodes, simulation.model.only_body().mesh.elements, velocity), simulation
 
 
 def own_displacement(plate: Plate, simulation: Simulation) -> np.ndarray:

@@ -95,19 +95,24 @@ def linearise(
         displacement, see ``statics/newton.py``.
     history : (history_size,), what elements share with neighbours, taken as constant; that of the
         displacement by default.
+
+    Raises
+    ------
+    InputError : the model has several sheets.
     """
     count = model.element_count
+    body = model.only_body("the tangent of the elements")
     if history is None:
         history = np.zeros(model.history_size)
-        model.renew(model.body.mesh.node_positions.T + displacement, history)
-    shared = from_blocks(history, model.body.history_count, count)[:, :CURVATURE_ROWS]
+        model.renew(body.mesh.node_positions.T + displacement, history)
+    shared = from_blocks(history, body.history_count, count)[:, :CURVATURE_ROWS]
     result = Linearisation(
         np.empty((count, 7, 3, 7, 3)), np.empty((count, 42)), np.empty((count, 42, 21))
     )
     for first in range(0, count, ELEMENTS_PER_BLOCK):
         block = slice(first, min(first + ELEMENTS_PER_BLOCK, count))
         given = None if resultants is None else resultants[block]
-        part = _linearise_block(model, displacement, block, given, shared)
+        part = _linearise_block(body, displacement, block, given, shared)
         for whole, piece in zip(result, part, strict=True):
             whole[block] = piece.reshape(whole[block].shape)
     return result
@@ -126,15 +131,15 @@ def node_stiffness(mode_stiffness: np.ndarray, basis: np.ndarray = MODES) -> np.
     return full.transpose(0, 4, 1, 3, 2).reshape(count, 24, 24)
 
 
-def _linearise_block(model, displacement, block, given, shared):
-    options = model.body.data.options
-    A = model.body.geometry.modes[block]
-    corner = displacement.T[model.body.mesh.elements[block]]
+def _linearise_block(body, displacement, block, given, shared):
+    options = body.data.options
+    A = body.geometry.modes[block]
+    corner = displacement.T[body.mesh.elements[block]]
     change = np.einsum("kn,end->ekd", MODES, corner)
     a = A + change
-    B, E = _strains(model, block, A, change)
+    B, E = _strains(body, block, A, change)
     if options.director is None:
-        height = model.body.geometry.height[block]
+        height = body.geometry.height[block]
         E[:, CENTRE, NORMAL], gradient, hessian = normal_compaction(a[:, :3], height)
         B[:, CENTRE, NORMAL] = 0.0
         B[:, CENTRE, NORMAL, :9] = gradient
@@ -149,7 +154,7 @@ def _linearise_block(model, displacement, block, given, shared):
     unscaled = B
     if options.reference_bending is not None:
         B, E = bending.at_reference_thickness(B, E)
-    R, D = _resultants(model, E, block)
+    R, D = _resultants(body, E, block)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
     DB = D @ B
@@ -163,7 +168,7 @@ def _linearise_block(model, displacement, block, given, shared):
         K[:, :9, :9] += S33[:, None, None] * hessian
         geometric = geometric.copy()
         geometric[:, CENTRE, NORMAL] = 0.0
-    sigma = _stress_matrix(model, block, geometric)
+    sigma = _stress_matrix(body, block, geometric)
     if options.director is None:
         for k, m, column in _CURVATURE_PRODUCTS:
             sigma[:, k, m] += S33 * curvature[:, column]
@@ -171,11 +176,11 @@ def _linearise_block(model, displacement, block, given, shared):
     blocks = K.reshape(-1, 7, 3, 7, 3)
     for d in range(3):
         blocks[:, :, d, :, d] += sigma
-    blocks *= model.body.geometry.volume[block, None, None, None, None]
+    blocks *= body.geometry.volume[block, None, None, None, None]
     return blocks, R, DB
 
 
-def _strains(model, block, A, change):
+def _strains(body, block, A, change):
     """Return gradients (E, 7, 6, 21) and values (E, 7, 6) of the material strains, Eq. (10)."""
     a = A + change
     covariant = np.zeros((len(a), 7, 6, 22))  # 21 gradients, then the strain itself
@@ -186,26 +191,26 @@ def _strains(model, block, A, change):
         # a_k·a_m - A_k·A_m without the cancellation of its two parts
         row[:, 21] += f * np.einsum("ed,ed->e", change[:, k], a[:, m])
         row[:, 21] += f * np.einsum("ed,ed->e", A[:, k], change[:, m])
-    material = model.body.data.transformation[block][:, None] @ covariant
-    if model.body.data.options.curved is not None:
-        T_change = model.body.data.transformation_change[block]
+    material = body.data.transformation[block][:, None] @ covariant
+    if body.data.options.curved is not None:
+        T_change = body.data.transformation_change[block]
         for term, source, direction in _CURVED:
             material[:, term] += T_change[:, direction] @ covariant[:, source]
-    if model.body.data.options.in_plane_shear != 1.0:
-        material[:, HOURGLASS] = _shear_scaling(model, block)[:, None] @ material[:, HOURGLASS]
+    if body.data.options.in_plane_shear != 1.0:
+        material[:, HOURGLASS] = _shear_scaling(body, block)[:, None] @ material[:, HOURGLASS]
     return material[..., :21].copy(), material[..., 21].copy()
 
 
-def _stress_matrix(model, block, S):
+def _stress_matrix(body, block, S):
     """Return Σ (E, 7, 7) of material stress resultants S (E, 7, 6)."""
-    if model.body.data.options.in_plane_shear != 1.0:
+    if body.data.options.in_plane_shear != 1.0:
         S = S.copy()
-        back = _shear_scaling(model, block).transpose(0, 2, 1)
+        back = _shear_scaling(body, block).transpose(0, 2, 1)
         S[:, HOURGLASS] = (back[:, None] @ S[:, HOURGLASS, :, None])[..., 0]
-    T = model.body.data.transformation[block].transpose(0, 2, 1)
+    T = body.data.transformation[block].transpose(0, 2, 1)
     covariant = (T[:, None] @ S[..., None])[..., 0]
-    if model.body.data.options.curved is not None:
-        T_change = model.body.data.transformation_change[block]
+    if body.data.options.curved is not None:
+        T_change = body.data.transformation_change[block]
         for term, source, direction in _CURVED:
             back = T_change[:, direction].transpose(0, 2, 1) @ S[:, term, :, None]
             covariant[:, source] += back[..., 0]
@@ -217,19 +222,19 @@ def _stress_matrix(model, block, S):
     return sigma
 
 
-def _shear_scaling(model, block):
+def _shear_scaling(body, block):
     """Return the maps (E, 6, 6) that weight the in-plane shear in the covariant axes."""
-    T = model.body.data.transformation[block]
+    T = body.data.transformation[block]
     unit, read = T[:, :, 3], np.linalg.inv(T)[:, 3]
-    return np.eye(6) + (model.body.data.options.in_plane_shear - 1.0) * _outer(unit, read)
+    return np.eye(6) + (body.data.options.in_plane_shear - 1.0) * _outer(unit, read)
 
 
-def _resultants(model, E, block):
+def _resultants(body, E, block):
     """Return R (E, 7, 6) of Eqs. (15) and (16) and D = ∂R/∂E (E, 7, 6, 7, 6)."""
-    options, material = model.body.data.options, model.body.material
+    options, material = body.data.options, body.material
     S_centre, C_M = material.stress_and_tangent(E[:, CENTRE])
     C_B = material.bending_matrix()
-    height = model.body.geometry.height[block]
+    height = body.geometry.height[block]
     S_zeta, C_zeta, _ = bending_response(material, E[:, ZETA], height)
     if options.enhanced is not None:
         # the enhanced strain -S33^ζ / C^M_33 of ``condensed_enhanced_strain`` adds C^M_i3 of it

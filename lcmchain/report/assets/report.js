@@ -208,7 +208,7 @@ function turned(points, turn) {
 }
 
 function toolsAt(frameNumber) {
-  return view.tools.map((tool) => {
+  return view.tools.filter((tool) => tool.works[frameNumber]).map((tool) => {
     const { x, y, z } = columns(turned(floats(tool.points), tool.turn && tool.turn[frameNumber]));
     const corners = integers(tool.triangles);
     const [dx, dy, dz] = tool.shift[frameNumber];

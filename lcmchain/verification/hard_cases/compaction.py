@@ -72,7 +72,7 @@ def between_plates(
 
 def director_tilts(sim: Simulation) -> np.ndarray:
     """Return the angles (element_count,) between director and normal of the mid-surface [rad]."""
-    corners = sim.state.position.T[sim.model.body.mesh.elements]
+    corners = sim.state.position.T[sim.model.only_body().mesh.elements]
     bottom, top = corners[:, :4], corners[:, 4:]
     middle = 0.5 * (bottom + top)
     normal = np.cross(middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1])
@@ -86,7 +86,7 @@ def squeeze(sim: Simulation, time: float) -> tuple[float, float, float]:
 
     The deviation is that of the pressure from p = λ|S33|, relative to it, above 0.02 MPa.
     """
-    material = sim.model.body.material
+    material = sim.model.only_body().material
     deviation = tilt = 0.0
     least = THICKNESS
     for part in np.linspace(0.0, 1.0, 81)[1:]:
@@ -140,7 +140,7 @@ def director_between_plates(motion: str, time: float, friction: float) -> str:
     if message:
         return f"director strain: the guard stops it ({message.split('. Likely')[0]})"
     thickness = float(fields(sim)["thickness"].mean())
-    law = float(sim.model.body.material.compaction_pressure(thickness / THICKNESS))
+    law = float(sim.model.only_body().material.compaction_pressure(thickness / THICKNESS))
     share = float(sim.state.tool_force[1, 2]) / EDGE**2 / law
     return (
         f"director strain: tilt {math.degrees(max(tilts)):.0f}°, pressure {100.0 * share:.0f} % of "
@@ -252,12 +252,13 @@ def pinched(name: str, full: bool) -> Iterator[CaseResult]:
     sim.advance_to(0.06)
     face = fields(sim)
     off_gap = np.abs(1e3 * face["thickness"] / gap - 1.0)
-    law = float(sim.model.body.material.compaction_pressure(1e-3 * gap / THICKNESS))
+    law = float(sim.model.only_body().material.compaction_pressure(1e-3 * gap / THICKNESS))
     # in the sheet: of the tools and of its bending together
-    inside = sum(pressure_fields(sim.model.body, sim.state.position.T, sim.state.history).values())
+    body = sim.model.only_body()
+    inside = sum(pressure_fields(body, sim.state.position.T, sim.state.history).values())
     off_law = np.abs(inside / law - 1.0)
     tilt = director_tilts(sim)
-    centre = sim.model.body.mesh.mid_surface_positions[sim.model.body.mesh.faces].mean(axis=1)
+    centre = body.mesh.mid_surface_positions[body.mesh.faces].mean(axis=1)
     level = np.abs(centre[:, 0]) > 0.02
     for where, part in (("level parts", level), ("bends", ~level)):
         thickness, pressure = (100.0 * float(off[part].max()) for off in (off_gap, off_law))

@@ -171,7 +171,7 @@ points = [["-100 mm", "0 mm"], ["1 mm", "0 mm"], ["1 mm", "-100 mm"]] }}
         position = ["0 mm", "0 mm", "1.3 mm"]
         """
     )
-    X = sim.model.body.mesh.node_positions
+    X = sim.model.only_body().mesh.node_positions
     sim.set_velocity(np.array([0.0 * X[:, 0], 0.0 * X[:, 0], -0.5 - 20.0 * X[:, 0]]))
     start = sim.energy()["external"]
     impacts, gains = np.zeros(1), [0.0]

@@ -79,7 +79,7 @@ class BiasExtension:
 
     def centre_angle(self) -> float:
         """Mean shear angle [rad] of the elements within a tenth of the width of the centre."""
-        blank = self.sim.model.body.mesh
+        blank = self.sim.model.only_body().mesh
         centre = blank.mid_surface_positions[blank.faces].mean(axis=1)
         near = np.linalg.norm(centre[:, :2], axis=1) < 0.1 * self.width
         return float(np.abs(fields(self.sim)["shear_angle"][near]).mean())

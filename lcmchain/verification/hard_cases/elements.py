@@ -63,7 +63,7 @@ def slenderness(name: str, full: bool) -> Iterator[CaseResult]:
             """,
             supports=lambda X: [Support("clamp", nodes_at(X, 0, -0.05))],
         )
-        X = sim.model.body.mesh.node_positions
+        X = sim.model.only_body().mesh.node_positions
         mode, slope = cantilever_mode(X[:, 0] + 0.05, length)
         speed = 1e-3 * expected
         sim.set_velocity(speed * np.array([-X[:, 2] * slope, 0.0 * mode, mode]))
@@ -80,7 +80,7 @@ def slenderness(name: str, full: bool) -> Iterator[CaseResult]:
 
 def first_return(sim: Simulation, weight: np.ndarray, expected: float) -> float:
     """Return the time [s] at which the weighted deflection changes its sign."""
-    start = sim.model.body.mesh.node_positions[:, 2]
+    start = sim.model.only_body().mesh.node_positions[:, 2]
     before = None
     for time in expected * np.arange(0.8, 1.5, 0.01):
         sim.advance_to(float(time))
@@ -155,14 +155,15 @@ def bent_energy_ratio(
         shape=shape,
     )
     curvature = 1e-3
-    X = sim.model.body.mesh.node_positions
+    X = sim.model.only_body().mesh.node_positions
     x, y, z = X.T
     sim.set_position(np.array([x - z * curvature * x, y, z + 0.5 * curvature * x**2]))
     D = 40e6 * 1e-9 / 12.0
     # three Gauss points per element along x, over both rows: exact for the cubic of a wedge
     points, weights = np.polynomial.legendre.leggauss(3)
-    area = sim.model.body.mesh.element_areas
-    corner = sim.model.body.mesh.mid_surface_positions[sim.model.body.mesh.faces][..., 0]
+    mesh = sim.model.only_body().mesh
+    area = mesh.element_areas
+    corner = mesh.mid_surface_positions[mesh.faces][..., 0]
     centre, half = corner.mean(axis=1), 0.005
     scale = thickness3 or (lambda x: np.ones_like(x))
     mean = 0.5 * (scale(centre[:, None] + half * points) @ weights)
@@ -231,7 +232,7 @@ def limp_hanging(name: str, full: bool) -> Iterator[CaseResult]:
         ]
     )
     sim.advance_to(0.6)
-    X = sim.model.body.mesh.node_positions
+    X = sim.model.only_body().mesh.node_positions
     sag = float(np.mean((X.T - sim.state.position)[2, nodes_at(X, 0, 0.0)]))
     expected = catenary(LIMP_LENGTH, LIMP_SPAN)[0]
     yield CaseResult(name, "sag against the catenary", 100.0 * abs(sag / expected - 1.0), 1.0, "%")
@@ -305,8 +306,8 @@ def simple_shear_and_turn(name: str, full: bool) -> Iterator[CaseResult]:
     )
     sim.advance_to(duration)
     E = np.array([0.0, 0.5 * slope**2, 0.0, slope, 0.0, 0.0])
-    law = float(sim.model.body.material.membrane_energy(E)) * float(
-        sim.model.body.geometry.volume.sum()
+    law = float(sim.model.only_body().material.membrane_energy(E)) * float(
+        sim.model.only_body().geometry.volume.sum()
     )
     yield CaseResult(
         name,

@@ -84,7 +84,7 @@ class Formed:
     @property
     def draw_in(self) -> float:
         """Mean way of the middles of the four sides towards the axis [m]."""
-        X, x = self.sim.model.body.mesh.node_positions, self.sim.state.position.T
+        X, x = self.sim.model.only_body().mesh.node_positions, self.sim.state.position.T
         way = np.linalg.norm(X[:, :2], axis=1) - np.linalg.norm(x[:, :2], axis=1)
         on_axis = (np.abs(X[:, :2]) < 1e-9).any(axis=1)
         return float(way[on_axis & (np.abs(X[:, :2]).max(axis=1) > 0.075 - 1e-9)].mean())

@@ -44,7 +44,7 @@ def sudden_load(name: str, full: bool) -> Iterator[CaseResult]:
         )
 
     def deflection(sim):
-        X = sim.model.body.mesh.node_positions
+        X = sim.model.only_body().mesh.node_positions
         weight = sim.model.nodes.mass * cantilever_mode(X[:, 0] + 0.03, 0.06)[0]
         return float(weight @ (X[:, 2] - sim.state.position[2]))
 
@@ -95,7 +95,7 @@ def million_steps(name: str, full: bool) -> Iterator[CaseResult]:
         {MD600}
         """
     )
-    X = sim.model.body.mesh.node_positions
+    X = sim.model.only_body().mesh.node_positions
     noise = np.random.default_rng(0).normal(scale=0.2, size=X.shape)
     noise -= noise.mean(axis=0)
     vibration = 0.5 * float(np.sum(sim.model.nodes.mass * noise.T**2))
