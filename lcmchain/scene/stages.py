@@ -246,7 +246,7 @@ def completed_stages(scene: Any) -> dict[str, Any]:
             field="process.quasi_static",
         )
     staged = scene.model_copy(update={"stages": done})
-    damping = [_damping(staged, stage) for stage in done]
+    damping = [_damping(process, stage) for stage in done]
     changed: dict[str, Any] = {"time": time, "mass_damping": max(rate for rate, _ in damping)}
     averaged = [over for _, over in damping if math.isfinite(over)]
     if averaged:
@@ -298,7 +298,8 @@ def stage_plans(scene: Any, written: Any) -> tuple[StagePlan, ...]:
             )  # fmt: skip
             motions.append(motion)
             load_starts.append(before.load_starts[index] if goes_on and before else start)
-        rate, averaging = _damping(scene, stage)
+        # of the process as written: that of the scene by now has the largest rate of all stages
+        rate, averaging = _damping(written["process"], stage)
         plans.append(
             StagePlan(
                 stage, start, end, tuple(motions), tuple(load_starts), axes,
@@ -329,9 +330,8 @@ def _begin(
     return starts[first], starts[first + 1] - starts[first]
 
 
-def _damping(scene: Any, stage: Stage) -> tuple[float, float]:
+def _damping(process: Any, stage: Stage) -> tuple[float, float]:
     """Return the rate of the mass damping in a stage [1/s], and the time of its averaging [s]."""
-    process = scene.process
     averaging = process.damping_average
     if averaging is None:
         averaging = AVERAGING_PART * stage.time if stage.time_is_found else math.inf

@@ -129,6 +129,14 @@ def test_times_are_found_where_strokes_lead_and_damping_with_them():
     assert own.mass_damping == 7.0
 
 
+def test_the_damping_of_a_stage_is_its_own():
+    """Also where another stage has a larger one."""
+    given = scene('stages.press.mass_damping="700 1/s"')
+    press, opened, _ = given.stage_plans()
+    assert press.mass_damping == 700.0
+    assert opened.mass_damping == scene().process.mass_damping < 700.0
+
+
 def test_a_scene_on_another_rung_keeps_its_stages():
     net = on_rung(scene(), "kinematic")
     assert [stage.name for stage in net.stages] == ["press", "open", "release"]
