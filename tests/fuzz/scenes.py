@@ -333,7 +333,7 @@ def _complaint(file: Path) -> str | None:
         if not all(map(math.isfinite, body.material.wave_stiffness())):
             return "a stiffness that is not finite"
     for name, column in model.tools._asdict().items():
-        # A profile may reach to infinity, as that of a plate does.
-        if column.dtype.kind == "f" and np.isnan(column).any():
+        # A profile may reach to infinity, as that of a plate does; what no tool needs is not there.
+        if column is not None and column.dtype.kind == "f" and np.isnan(column).any():
             return f"a column {name} of the tools that is no number"
     return None

@@ -102,9 +102,9 @@ def test_wrong_usage_is_wrong_input(arguments, capsys):
 def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
     calls = []
 
-    def run_scene(scene, out, *, threads, resume, progress):
+    def run_scene(scene, out, *, threads, resume, until_stage, start_from, progress):
         progress(0.5, 1.0, "forming")
-        calls.append((scene.process.frames, out, threads, resume))
+        calls.append((scene.process.frames, out, threads, resume, until_stage, start_from))
         return types.SimpleNamespace(summary={"title": "dome"})
 
     def print_result(summary, folder, *, quiet):
@@ -119,7 +119,7 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
         "--set", "tools.punch.friction=0.2",
     )  # fmt: skip
     assert code == 0
-    assert calls == [(5, out, 2, True)]
+    assert calls == [(5, out, 2, True, None, None)]
     assert capsys.readouterr().out == f"{{'title': 'dome'}} {out}\n"
 
 

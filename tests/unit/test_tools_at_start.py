@@ -115,7 +115,8 @@ def test_a_sheet_of_membrane_shells_has_the_same_gaps(tmp_path):
     model = build_model(membranes)
     with pytest.raises(InputError, match="reaches 0.3 mm into the blank"):
         require_no_initial_overlap(membranes, model.tools)
-    assert not model.only_body().mesh.has_thickness and build_model(scene).body.mesh.has_thickness
+    assert not model.only_body().mesh.has_thickness
+    assert build_model(scene).only_body().mesh.has_thickness
 
 
 def test_what_lies_far_behind_an_open_skin_is_free(tmp_path):
