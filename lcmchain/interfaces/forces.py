@@ -325,12 +325,12 @@ def add_forces_on_facets(arrays, begin, end):
     force_x, force_y, force_z = arrays.force[0], arrays.force[1], arrays.force[2]
     item = begin
     while item < end:
-        if not arrays.ply_acts[arrays.ply_half[item]]:
-            item = arrays.ply_following[item]
-            continue
-        place, node = np.uint64(arrays.ply_place[item]), np.uint64(arrays.ply_node[item])
-        part = weight[item]
-        force_x[node] -= part * rows[place]
-        force_y[node] -= part * rows[place + NEXT_ROW]
-        force_z[node] -= part * rows[place + SECOND_ROW]
-        item += 1
+        following = arrays.ply_following[item]
+        if arrays.ply_acts[arrays.ply_half[item]]:
+            for k in range(item, following):
+                place, node = np.uint64(arrays.ply_place[k]), np.uint64(arrays.ply_node[k])
+                part = weight[k]
+                force_x[node] -= part * rows[place]
+                force_y[node] -= part * rows[place + NEXT_ROW]
+                force_z[node] -= part * rows[place + SECOND_ROW]
+        item = following

@@ -302,7 +302,7 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     rows, at = arrays.ply_rows, row_start(data, point)
     if held < 0 and not everywhere:
         return
-    x, none = vector_of(position, point), (0.0, 0.0, 0.0)
+    none = (0.0, 0.0, 0.0)
     presses = False
     before = touch_of(rows, at, none, none, dt_last)
     if held >= 0:
@@ -313,25 +313,22 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
             put_vector(rows, WAY, at, r)
             put_vector(rows, MOVED, at, scaled(dt_last, v))
             leave_rest(laws, rows, at, dt_last)
-        sums[BOOKED] -= energy_before(
-            laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last, point
-        )
+        if within_reach(rows, at, before.gap):
+            sums[BOOKED] -= energy_before(
+                laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last,
+                point,
+            )  # fmt: skip
         presses = before.gap < rows[at + HELD * SPAN]
         if touches(data, rows, at, before.gap, point, held):
             slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
             put_vector(rows, SLIP, at, slip)
             rows[at + PATH * SPAN] = path
 
-    facet, xi, eta = find_facet(data, arrays, everywhere, presses, grid, point)
-    share, slope, most = 1.0, none, 0.0
-    w, normal, offset = (0.0, 0.0, 0.0, 0.0), none, 0.0
+    facet, most, spring = find_facet(data, arrays, everywhere, presses, grid, point)
+    w, normal, offset, gap = spring
+    share, slope = 1.0, none
     if facet >= 0:
         share, slope = share_over(position, data, point, facet)
-        beside, hanging = beyond_edges(data, facet, xi, eta)
-        most = max(beside, hanging)
-        w, normal, offset, gap = spring_at(
-            position, data.facet_node, arrays.ply_slope, facet, xi, eta, x
-        )
         # what hangs down beyond a rim is beside the other ply, not in it
         below = -gap > data.depth[data.ply[point], data.facet_ply[facet]]
         if most > ON_EDGE and (share <= 0.0 or below):
@@ -398,9 +395,19 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
 
     after = touch_of(rows, at, r, none, dt_last)
     carry_over(laws, all_parameters(laws, interface), rows, at, before, after, fresh)
-    sums[BOOKED] += energy_before(
-        laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
-    )
+    if within_reach(rows, at, after.gap):
+        sums[BOOKED] += energy_before(
+            laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
+        )
+
+
+@equation
+def within_reach(rows, at, gap):
+    """Tell whether a point may have stored energy in its last step; one with a depth held may.
+
+    gap : that the laws see now [m].
+    """
+    return min(gap, rows[at + LAST_GAP * SPAN]) < rows[at + REACH * SPAN]
 
 
 @equation
@@ -459,10 +466,14 @@ def carry_one(law, values, rows, place, before, after, fresh):
 
 @inlined_routine
 def find_facet(data, arrays, everywhere, presses, grid, point):
-    """Return the facet that a point faces, or -1, and its coordinates on it."""
+    """Return the facet that a point faces, or -1, how far beyond its edges it lies, and its spring.
+
+    The spring as of :func:`.springs.spring_at`.
+    """
     position, slopes = arrays.ply_ahead, arrays.ply_slope
     x, ply = vector_of(position, point), data.ply[point]
-    facet, xi, eta, cost = arrays.ply_facet[point], 0.0, 0.0, math.inf
+    facet, cost, most = arrays.ply_facet[point], math.inf, 0.0
+    spring = ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
     inside = False
     if facet >= 0:
         at = row_start(data, point)
@@ -478,7 +489,8 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
         furthest = furthest_outside(data, point, facet)
         leaves = beside > HELD_GAPING or hanging > furthest
         leaves = leaves or (data.facet_ply[facet] == ply and is_around(data, point, facet))
-        _, normal, _, gap = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
+        spring = spring_at(position, data.facet_node, slopes, facet, xi, eta, x)
+        _, normal, _, gap = spring
         reach = GIVEN_UP * data.far[ply, data.facet_ply[facet]]
         facing = looks_at(position, data, point, normal, HELD_FACING)
         if leaves or gap > reach or not facing:
@@ -490,8 +502,10 @@ def find_facet(data, arrays, everywhere, presses, grid, point):
     if everywhere and not inside:
         other, other_xi, other_eta, other_cost = nearest_facet(position, data, slopes, point, grid)
         if other_cost < cost:
-            facet, xi, eta = other, other_xi, other_eta
-    return facet, xi, eta
+            facet = other
+            most = max(*beyond_edges(data, facet, other_xi, other_eta))
+            spring = spring_at(position, data.facet_node, slopes, facet, other_xi, other_eta, x)
+    return facet, most, spring
 
 
 @inlined_routine
