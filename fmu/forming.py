@@ -17,7 +17,7 @@ from lcmchain.coupling.iteration.interface import (
     REFERENCE_PRESSURE,
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
-from lcmchain.coupling.solids.stack import StackForming, largest_ply
+from lcmchain.coupling.solids.stack import forming_of_scene, largest_ply
 from lcmchain.elements.families import family_of
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
@@ -223,13 +223,7 @@ class FormingPart(Part):
         simulation.compile()
         self.wet = None
         if self._has_pores:
-            around = surroundings_of(scene)
-            if len(model.bodies) > 1:
-                self.wet = StackForming(
-                    simulation, surroundings=around, unlike=not scene.stack.has_one_outline
-                )
-            else:
-                self.wet = ExplicitForming(simulation, surroundings=around)
+            self.wet = forming_of_scene(scene, simulation, surroundings=surroundings_of(scene))
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
         self.before = simulation.state.position.copy()

@@ -15,7 +15,7 @@ from lcmchain import __version__
 from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
 from lcmchain.coupling.infiltration.results import FORCES, FilledPart
 from lcmchain.fields.netcdf_file import ROOT
-from lcmchain.fields.stages import STAGE
+from lcmchain.fields.stages import STAGE, stage_variable
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, Variable
 from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
 
@@ -82,8 +82,8 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
     groups = {ROOT: dataset, HISTORY: _history(filled)}
     if filled.stages is not None:
         names, of_frames, of_steps = filled.stages
-        dataset[STAGE] = _of_stages(TIME, of_frames, names)
-        groups[HISTORY][STAGE] = _of_stages(SAMPLE, of_steps, names)
+        dataset[STAGE] = stage_variable((TIME,), of_frames, names)
+        groups[HISTORY][STAGE] = stage_variable((SAMPLE,), of_steps, names)
     if filled.coupling is not None:
         groups[COUPLING] = filled.coupling.dataset()
     if filled.dry_spots:
@@ -137,15 +137,6 @@ def _saved_times(time: np.ndarray) -> Variable:
         "standard_name": "time", "axis": "T",
     }  # fmt: skip
     return (TIME,), np.asarray(time, dtype=float), about
-
-
-def _of_stages(dimension: str, numbers: np.ndarray, names: tuple[str, ...]) -> Variable:
-    about: dict[str, Any] = {
-        "long_name": "stage of the process",
-        "flag_values": np.arange(len(names), dtype=np.int8),
-        "flag_meanings": " ".join(names),
-    }
-    return (dimension,), numbers.astype(np.int8), about
 
 
 def _history(filled: FilledPart) -> xr.Dataset:

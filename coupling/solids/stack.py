@@ -26,6 +26,7 @@ from lcmchain.mapping.intersection import overlaps
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation
 
 #: From the larger of these shares of its area on an element lies over columns with all of it:
@@ -61,6 +62,11 @@ class StackForming(ExplicitForming):
     def __init__(self, simulation: Simulation, *, unlike: bool = False, **options: Any) -> None:
         self._unlike = unlike
         super().__init__(simulation, **options)
+
+    @classmethod
+    def of_scene(cls, scene: Scene, simulation: Simulation, **options: Any) -> StackForming:
+        """Return the forming of the stack of a scene; parameters are those of the class."""
+        return cls(simulation, unlike=not scene.stack.has_one_outline, **options)
 
     def _sheet(self) -> Body:
         model = self.simulation.model
@@ -268,6 +274,16 @@ class StackForming(ExplicitForming):
             touched[rows] = bare[rows] * force[own][at].mean(axis=1)
         total, there = self.shares.T @ bare, self.shares.T @ touched
         return np.divide(there, total, out=np.zeros_like(there), where=total > 0.0)
+
+
+def forming_of_scene(scene: Scene, simulation: Simulation, **options: Any) -> ExplicitForming:
+    """Return the forming of one sheet, or of a stack, that a fluid acts in.
+
+    simulation : of the scene. options : as of :class:`ExplicitForming`.
+    """
+    if len(simulation.model.bodies) > 1:
+        return StackForming.of_scene(scene, simulation, **options)
+    return ExplicitForming(simulation, **options)
 
 
 def largest_ply(meshes: Sequence[SheetMesh]) -> int:

@@ -29,6 +29,14 @@ from lcmchain.solver.simulation import Simulation, Snapshot
 FIBRES = tuple(f"{family}_{axis}" for family in FIBRE_FAMILIES for axis in "xyz")
 
 
+def law_of_scene(scene: Scene) -> Permeability:
+    """Return the permeability of a scene whose resin flows in the sheet that is formed."""
+    case = scene.wet_forming
+    law = scene.permeability if case is None or case.permeability is None else case.permeability
+    assert law is not None  # a scene without is refused
+    return law
+
+
 def part_of_sheet(
     scene: Scene, simulation: Simulation, snapshots: Sequence[Snapshot], points: np.ndarray
 ) -> FormedPart:
@@ -128,10 +136,7 @@ def blank_of_scene(scene: Scene) -> FormedPart:
     """
     simulation = Simulation.from_scene(scene)
     if len(simulation.model.bodies) > 1:
-        case = scene.wet_forming
-        law = scene.permeability if case is None or case.permeability is None else case.permeability
-        assert law is not None  # a scene without is refused
-        forming = StackForming(simulation, unlike=not scene.stack.has_one_outline)
+        forming, law = StackForming.of_scene(scene, simulation), law_of_scene(scene)
         return part_of_stack(scene, forming, [simulation.snapshot()], forming.points(), law)
     (body,) = simulation.model.bodies
     points = body.mesh.mid_surface(simulation.model.node_positions)

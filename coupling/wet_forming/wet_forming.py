@@ -33,14 +33,19 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.coupling.solids.fields import POINTS
-from lcmchain.coupling.solids.stack import StackForming
+from lcmchain.coupling.solids.stack import StackForming, forming_of_scene
 from lcmchain.coupling.solids.tool_loads import tool_loads
 from lcmchain.coupling.wet_forming.moving_permeability import (
     MovingPermeability,
     MovingStack,
     WithinWindow,
 )
-from lcmchain.coupling.wet_forming.sheet import fibre_fractions, part_of_sheet, part_of_stack
+from lcmchain.coupling.wet_forming.sheet import (
+    fibre_fractions,
+    law_of_scene,
+    part_of_sheet,
+    part_of_stack,
+)
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fingerprint import run_fingerprint
 from lcmchain.scene import Infiltration, Scene
@@ -78,19 +83,11 @@ class WetForming:
     def __init__(self, scene: Scene, simulation: Simulation) -> None:
         case = _case_of(scene)
         self.scene, self.case, self.simulation = scene, case, simulation
-        stacked = len(simulation.model.bodies) > 1
-        around = case.vent_pressure
-        self.forming: ExplicitForming = (
-            StackForming(
-                simulation, surroundings=around, unlike=not scene.stack.has_one_outline
-            ) if stacked else ExplicitForming(simulation, surroundings=around)
-        )  # fmt: skip
-        law = case.permeability or scene.permeability
-        assert law is not None  # a scene without is refused
-        self._law = law
+        self.forming = forming_of_scene(scene, simulation, surroundings=case.vent_pressure)
+        self._law = law = law_of_scene(scene)
         part = self._part([simulation.snapshot()], self.forming.points())
         self.setup = set_up(part, case, scene.source.directory)
-        if stacked:
+        if isinstance(self.forming, StackForming):
             factor = WithinWindow(law, part, scene.source.directory)
             preform = replace(self.setup.preform, factor=factor)
             self.setup = replace(self.setup, preform=preform)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.table import FIELDS
-from lcmchain.fields.ugrid import TIME
+from lcmchain.fields.ugrid import TIME, Variable
 from lcmchain.scene.stages import stage_at
 from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
 
@@ -39,15 +39,8 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
     history = datasets[HISTORY].copy()
     names = [stage.name for stage in scene.stages]
     times = history[TIME].values
-    history[STAGE] = (
-        TIME,
-        np.array([stage_at(scene, time) for time in times], dtype=np.int8),
-        {
-            "long_name": "stage of the process",
-            "flag_values": np.arange(len(names), dtype=np.int8),
-            "flag_meanings": " ".join(names),
-        },
-    )
+    numbers = np.array([stage_at(scene, time) for time in times])
+    history[STAGE] = stage_variable((TIME,), numbers, names)
     history[STAGE_NAME] = STAGE_NAME, np.array(names), {"long_name": "name of the stage"}
     ends = np.array(list(accumulate(stage.time for stage in scene.stages)))
     history[STAGE_END] = STAGE_NAME, ends, {"units": "s", "long_name": "end of the stage"}
@@ -60,6 +53,18 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
         if mesh is not None:
             found[name] = _with_springback(group, mesh, closed)
     return found
+
+
+def stage_variable(
+    dimensions: tuple[str, ...], numbers: np.ndarray, names: Sequence[str]
+) -> Variable:
+    """Return the numbers of stages as a variable that says their names."""
+    about: dict[str, Any] = {
+        "long_name": "stage of the process",
+        "flag_values": np.arange(len(names), dtype=np.int8),
+        "flag_meanings": " ".join(names),
+    }
+    return dimensions, numbers.astype(np.int8), about
 
 
 def _frame_before_rest(scene: Scene, times: np.ndarray) -> int | None:

@@ -14,8 +14,8 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,20 +67,17 @@ _LINES_BETWEEN = 3
 _LEAST_ROWS = 3
 
 
-@dataclass(frozen=True)
-class Specimens:
-    """The table of an export.
+class Specimen(NamedTuple):
+    """What an export has of a specimen; all of an export have the same columns.
 
-    Attributes
-    ----------
     names, units : of the columns; the unit "" where none stands.
-    rows : cells of every specimen, each [row_count][column_count]; lines : of each row in the file.
+    rows : of cells, [row_count][column_count]. lines : of each row in the file.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    rows: tuple[tuple[tuple[str, ...], ...], ...]
-    lines: tuple[tuple[int, ...], ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
 
 
 def read_export(
@@ -105,10 +102,10 @@ def read_export(
     InputError : columns that nobody has confirmed, with what they seem to be; names that are not
         there; numbers that can be read in two ways; an old workbook.
     """
-    specimens = find_table(grid_of(path), path)
-    if specimens is None:
+    specimens = find_specimens(grid_of(path), path)
+    if not specimens:
         return None
-    proposals = [_recognised(specimens, layout, also) for layout in layouts]
+    proposals = [_recognised(specimens[0], layout, also) for layout in layouts]
     if confirmed is None:
         clear = _clear(layouts, proposals)
         if clear is None and (only_clear or not any(map(_any_name, proposals))):
@@ -188,8 +185,8 @@ def _counts(row: Sequence[str]) -> tuple[int, int]:
 # --- table ----------------------------------------------------------------------------------------
 
 
-def find_table(grid: list[list[str]], path: Path) -> Specimens | None:
-    """Return the table in the cells of an export; None where rows of numbers have no names."""
+def find_specimens(grid: list[list[str]], path: Path) -> list[Specimen]:
+    """Return the specimens in the cells of an export; none where rows of numbers have no names."""
     blocks, start = [], None
     for i, row in enumerate([*grid, []]):
         if _is_data(row):
@@ -198,25 +195,19 @@ def find_table(grid: list[list[str]], path: Path) -> Specimens | None:
             if i - start >= _LEAST_ROWS:
                 blocks.append((start, i))
             start = None
-    found = []
+    found: list[Specimen] = []
     for begin, end in blocks:
         header = _header_above(grid, begin)
         if header is not None:
             found += _side_by_side(header, grid, begin, end)
-    if not found:
-        return None
-    names = found[0].names
     for one in found:
-        if one.names != names:
+        if one.names != found[0].names:
             raise InputError(
-                f"has tables of unlike columns ({', '.join(names)}; line {one.lines[0][0] - 1}: "
-                f"{', '.join(one.names)}); keep one kind",
+                f"has tables of unlike columns ({', '.join(found[0].names)}; line "
+                f"{one.lines[0] - 1}: {', '.join(one.names)}); keep one kind",
                 file=path,
             )
-    return Specimens(
-        names, found[0].units, tuple(one.rows[0] for one in found),
-        tuple(one.lines[0] for one in found),
-    )  # fmt: skip
+    return found
 
 
 def _header_above(grid, begin) -> tuple[list[str], list[str]] | None:
@@ -255,7 +246,7 @@ def _split(cell: str) -> tuple[str, str]:
     return cell.strip(), ""
 
 
-def _side_by_side(header, grid, begin, end) -> list[Specimens]:
+def _side_by_side(header, grid, begin, end) -> list[Specimen]:
     """Return the specimens of a block of rows: columns whose names repeat are one each."""
     names, units = header
     used = [k for k, name in enumerate(names) if name]
@@ -270,9 +261,9 @@ def _side_by_side(header, grid, begin, end) -> list[Specimens]:
         rows = [tuple((row + [""] * len(names))[k] for k in own) for row in grid[begin:end]]
         kept = [i for i, row in enumerate(rows) if any(row)]
         found.append(
-            Specimens(
+            Specimen(
                 tuple(names[k] for k in own), tuple(units[k] for k in own),
-                (tuple(rows[i] for i in kept),), (tuple(begin + 1 + i for i in kept),),
+                tuple(rows[i] for i in kept), tuple(begin + 1 + i for i in kept),
             )
         )  # fmt: skip
     return found
@@ -282,19 +273,19 @@ def _side_by_side(header, grid, begin, end) -> list[Specimens]:
 
 
 def _recognised(
-    specimens: Specimens, layout: Sequence[Column], also: Sequence[str]
+    specimen: Specimen, layout: Sequence[Column], also: Sequence[str]
 ) -> dict[str, list[str]]:
     """Return the names that may be each column of a layout, by their words and units."""
     found: dict[str, list[str]] = {}
     for column in layout:
         words = WORDS.get(column.name, column.name).split()
         found[column.name] = [
-            name for name, unit in zip(specimens.names, specimens.units)
+            name for name, unit in zip(specimen.names, specimen.units)
             if any(word in name.lower() for word in words) and _has_dimension(unit, column)
         ]  # fmt: skip
     for name in also:
         words = WORDS.get(name, name).split()
-        found[name] = [own for own in specimens.names if any(w in own.lower() for w in words)][:1]
+        found[name] = [own for own in specimen.names if any(w in own.lower() for w in words)][:1]
     return found
 
 
@@ -327,9 +318,9 @@ def _question(specimens, layouts, proposals, clear) -> str:
     """Say what the columns of an export seem to be, and how to confirm it."""
     there = ", ".join(
         f'"{name}"' + (f" [{unit}]" if unit else "")
-        for name, unit in zip(specimens.names, specimens.units) if name
+        for name, unit in zip(specimens[0].names, specimens[0].units) if name
     )  # fmt: skip
-    said = f"is an export of a testing machine with {len(specimens.rows)} specimen(s): {there}. "
+    said = f"is an export of a testing machine with {len(specimens)} specimen(s): {there}. "
     if clear is not None:
         option = ",".join(f"{name}={own[0]}" for name, own in clear.items() if own)
         return said + f'If these are what is wanted, confirm by {OPTION} "{option}"'
@@ -347,14 +338,14 @@ def _question(specimens, layouts, proposals, clear) -> str:
     return said + f'{"; ".join(open_ones)}: say which they are by {OPTION} "{example}"'
 
 
-def _confirmed(specimens: Specimens, text: str, path: Path) -> dict[str, int]:
+def _confirmed(specimens: Sequence[Specimen], text: str, path: Path) -> dict[str, int]:
     """Return the place of every column that a user names."""
     chosen = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         own, equals, name = (piece.strip() for piece in part.partition("="))
-        places = [k for k, one in enumerate(specimens.names) if one.lower() == name.lower()]
+        places = [k for k, one in enumerate(specimens[0].names) if one.lower() == name.lower()]
         if not equals or not own or len(places) != 1:
-            there = ", ".join(name for name in specimens.names if name)
+            there = ", ".join(name for name in specimens[0].names if name)
             raise InputError(
                 f'{OPTION} has "{part}"; write COLUMN=NAME with one of the names {there}', file=path
             )
@@ -362,18 +353,18 @@ def _confirmed(specimens: Specimens, text: str, path: Path) -> dict[str, int]:
     return chosen
 
 
-def _own_table(specimens: Specimens, chosen: Mapping[str, int], path: Path) -> Table:
+def _own_table(specimens: Sequence[Specimen], chosen: Mapping[str, int], path: Path) -> Table:
     """Return the chosen columns as a table of the program's own."""
-    headers, columns = [], []
+    first, headers, columns = specimens[0], [], []
     for name, place in chosen.items():
-        unit = _spelled(specimens.units[place])
+        unit = _spelled(first.units[place])
         headers.append(f"{name} [{unit}]" if unit else name)
-        cells = [row[place] for rows in specimens.rows for row in rows]
-        columns.append(_with_points(cells, specimens.names[place], path))
+        cells = [row[place] for one in specimens for row in one.rows]
+        columns.append(_with_points(cells, first.names[place], path))
     headers.append("specimen")
-    columns.append([f"{n:06d}" for n, rows in enumerate(specimens.rows) for _ in rows])
-    lines = np.array([line for own in specimens.lines for line in own])
-    left = tuple(name for place, name in enumerate(specimens.names) if place not in chosen.values())
+    columns.append([f"{n:06d}" for n, one in enumerate(specimens) for _ in one.rows])
+    lines = np.array([line for one in specimens for line in one.lines])
+    left = tuple(name for place, name in enumerate(first.names) if place not in chosen.values())
     return Table(tuple(headers), np.array(columns, dtype=object).T, lines, left)
 
 

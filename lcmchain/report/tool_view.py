@@ -53,7 +53,8 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     for index in _shown(surfaces):
         points, triangles = surfaces[index]
         tool = scene.tools[index]
-        if not any(_at_work(scene, tool, history)):
+        works = _at_work(scene, tool, history)
+        if not any(works):
             continue
         rotations, shifts = _places(tool, places[:, index])
         found.append(
@@ -63,7 +64,7 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
                 "points": packed(1e3 * points, "<f4"),
                 "triangles": packed(triangles, "<i4"),
                 "shift": np.round(1e3 * shifts, 4).tolist(),
-                "works": _at_work(scene, tool, history),
+                "works": works,
             }
         )
         if rotations is not None:

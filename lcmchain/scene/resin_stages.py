@@ -13,6 +13,7 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 from lcmchain.quantities.entry_types import wrong
+from lcmchain.scene.names import no_such
 
 
 class ResinStage(NamedTuple):
@@ -169,10 +170,7 @@ def _on_the_clock(place: Any, stages: Sequence[ResinStage], key: str) -> Any:
     names = [stage.name for stage in stages]
     for name in place.stages:
         if name not in names:
-            raise wrong(
-                f'names "{name}", but there is no stage of this name; there is {", ".join(names)}',
-                field=key,
-            )
+            raise wrong(f'names "{name}", {no_such(name, names, "stage")}', field=key)
     own = sorted(names.index(name) for name in place.stages)
     flowing = [number for number, stage in enumerate(stages) if stage.flows]
     first, last = own[0], own[-1]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.errors import InputError
+from lcmchain.mapping.formats.cells import require_numbers
 
 WIDTH = 8
 LARGEST_NUMBER = 10**WIDTH - 1
@@ -73,18 +73,8 @@ def require_narrow(numbers: np.ndarray, what: str, file: Path | None) -> None:
     ------
     InputError : a number is below 1 or above 99999999, or stands for two.
     """
-    bad = numbers[(numbers < 1) | (numbers > LARGEST_NUMBER)]
-    if len(bad):
-        raise InputError(
-            f"the {what} number {bad[0]} does not fit into the eight columns of bulk data; "
-            f"number the {what}s of the target from 1",
-            file=file,
-        )
-    if len(np.unique(numbers)) != len(numbers):
-        raise InputError(
-            f"two {what}s of the target have the same number; bulk data needs different ones",
-            file=file,
-        )
+    misfit = "does not fit into the eight columns of bulk data"
+    require_numbers(numbers, what, file, LARGEST_NUMBER, misfit, "bulk data")
 
 
 def _short(text: str) -> str:

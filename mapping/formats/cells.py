@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -221,3 +222,30 @@ def _scalars_and_vectors(
         if name not in in_vectors
     }
     return scalars, vectors
+
+
+def require_numbers(
+    numbers: np.ndarray, what: str, file: Path | None, largest: int, misfit: str, form: str
+) -> None:
+    """Refuse numbers of cells or nodes that a format does not hold.
+
+    Parameters
+    ----------
+    what : they are of, ``"cell"`` or ``"node"``. file : of the target. largest : that it holds.
+    misfit : what is said of a number that is none of 1 to this. form : name of the format.
+
+    Raises
+    ------
+    InputError : a number that it does not hold, or that stands for two.
+    """
+    bad = numbers[(numbers < 1) | (numbers > largest)]
+    if len(bad):
+        raise InputError(
+            f"the {what} number {bad[0]} {misfit}; number the {what}s of the target from 1",
+            file=file,
+        )
+    if len(np.unique(numbers)) != len(numbers):
+        raise InputError(
+            f"two {what}s of the target have the same number; {form} needs different ones",
+            file=file,
+        )

@@ -27,7 +27,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.formats.cells import MappedCells
+from lcmchain.mapping.formats.cells import MappedCells, require_numbers
 from lcmchain.mapping.formats.draped_plies import (
     Tables,
     covered_cells,
@@ -61,26 +61,12 @@ def prepare(path: Path, cells: MappedCells) -> Saver:
     """
     plies = draped_plies(cells, NAME)
     target = cells.target
-    _require_numbers(target.cell_ids, "cell", target.file)
-    _require_numbers(target.node_ids, "node", target.file)
+    misfit = f"is none that OpenRadioss holds, 1 to {LARGEST_NUMBER}"
+    for numbers, what in ((target.cell_ids, "cell"), (target.node_ids, "node")):
+        require_numbers(numbers, what, target.file, LARGEST_NUMBER, misfit, "OpenRadioss")
     if not plies:
         raise InputError("no cell has a thickness and fibre directions to write", file=target.file)
     return partial(_write, path, cells, plies)
-
-
-def _require_numbers(numbers: np.ndarray, what: str, file: Path | None) -> None:
-    bad = numbers[(numbers < 1) | (numbers > LARGEST_NUMBER)]
-    if len(bad):
-        raise InputError(
-            f"the {what} number {bad[0]} is none that OpenRadioss holds, 1 to {LARGEST_NUMBER}; "
-            f"number the {what}s of the target from 1",
-            file=file,
-        )
-    if len(np.unique(numbers)) != len(numbers):
-        raise InputError(
-            f"two {what}s of the target have the same number; OpenRadioss needs different ones",
-            file=file,
-        )
 
 
 def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_shear_file
-from lcmchain.identification.machine_export import find_table, grid_of
+from lcmchain.identification.machine_export import find_specimens, grid_of
 
 CLEAN = Path(__file__).parents[2] / "examples" / "identification" / "shear.csv"
 ROWS = [line.split(",") for line in CLEAN.read_text(encoding="utf-8").splitlines()[2:]]
@@ -170,12 +170,12 @@ def test_the_command_reads_an_export(tmp_path):
 
 def test_rows_keep_the_lines_of_their_file(tmp_path):
     path, _ = written(tmp_path, mts_below_each_other)
-    found = find_table(grid_of(path), path)
+    found = find_specimens(grid_of(path), path)
     first = len(ROWS[::2])
-    assert found.lines[0] == tuple(range(3, 3 + first))
-    assert found.lines[1][0] == 3 + first + 3
+    assert found[0].lines == tuple(range(3, 3 + first))
+    assert found[1].lines[0] == 3 + first + 3
     text = path.read_text(encoding="utf-8").splitlines()
-    assert text[found.lines[1][0] - 1] == "\t".join(ROWS[1])
+    assert text[found[1].lines[0] - 1] == "\t".join(ROWS[1])
 
 
 BOTH = "displacement=Weg,force=Kraft"
