@@ -1,5 +1,6 @@
 """A small dome, its unit, and the masters that drive it."""
 
+import sys
 import warnings
 from pathlib import Path
 
@@ -9,6 +10,9 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
 from lcmchain.fmu.build import build_fmu
+
+# Lets the tests of this folder import what they share.
+sys.path.insert(0, str(Path(__file__).parent))
 
 # Short and coarse: 400 elements, about 900 time steps.
 SCENE = """

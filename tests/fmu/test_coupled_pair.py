@@ -7,21 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from fmpy import read_model_description
+from sheet_and_resin import as_units, in_one_process
 
-from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.iteration import CoupledSystem, Exchange, Tolerance, iqn_ils
-from lcmchain.coupling.iteration.interface import (
-    PRESSURE_AT_REST,
-    REFERENCE_PRESSURE,
-    RESISTANCE,
-    VOLUME_RATE,
-    VOLUME_RATE_SLOPE,
-)
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.fields import write_forming_netcdf
 from lcmchain.fmu.build import build_fmu
@@ -57,7 +48,6 @@ name = "ends"
 rim = true
 bleeds = true
 """
-FORWARD = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 
 
 @pytest.fixture(scope="module")
@@ -78,14 +68,7 @@ def in_process(sources):
     sheet = ExplicitForming.from_scene(read_scene(sources / "scene.toml"))
     case = read_infiltration(sources / "case.toml")
     resin = FillingPart(set_up(read_formed_part(sources / "blank.nc"), case).filling())
-    exchanges = [Exchange("sheet", "resin", name) for name in FORWARD]
-    exchanges.append(Exchange("resin", "sheet", PRESSURE_AT_REST, tolerance=Tolerance(1e-10)))
-    system = CoupledSystem(
-        {"sheet": sheet, "resin": resin}, exchanges, iqn_ils(relaxation=1.0), window=STEP
-    )
-    while system.time < 0.999 * STOP:
-        system.advance(STEP)
-    return sheet, resin, system
+    return sheet, resin, in_one_process(sheet, resin, STEP, STOP)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -96,28 +79,7 @@ def test_units_give_the_result_of_the_process(sources, in_process, tmp_path, fmi
         sources / "blank.nc", sources / "case.toml", tmp_path / "resin.fmu", fmi=fmi,
         options=InfiltrationUnit(motion="volume"),
     )  # fmt: skip
-    system = system_from(
-        {
-            "stop_time": f"{STOP!r} s",
-            "window": f"{STEP!r} s",
-            "units": [
-                {
-                    "name": "sheet",
-                    "fmu": "sheet.fmu",
-                    "start": {"pore_pressure_at_rest": True, "threads": 1},
-                },
-                {"name": "resin", "fmu": "resin.fmu"},
-            ],
-            "connections": [
-                *(f"sheet.{name} -> resin.{name}" for name in FORWARD),
-                {"link": "resin.pressure_at_rest -> sheet.pore_pressure"},
-            ],
-            "scheme": {"type": "iqn-ils", "relative": 1e-10, "relaxation": 1.0},
-        },
-        None,
-        directory=tmp_path,
-    )
-    summary = run_system(system, tmp_path / "out")
+    summary = as_units(tmp_path, tmp_path / "out", STEP, STOP)
     assert summary["window_count"] == len(coupled.history.accepted)
     with xr.open_dataset(tmp_path / "out" / "cosimulation.nc", group="resin") as record:
         pressure = record["pore_pressure"].values[-1]

@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from fmpy import extract, read_model_description
+from sheet_and_resin import as_units, in_one_process
 
-from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.iteration import CoupledSystem, Exchange, Tolerance, iqn_ils
-from lcmchain.coupling.iteration.interface import (
-    PRESSURE_AT_REST,
-    REFERENCE_PRESSURE,
-    RESISTANCE,
-    VOLUME_RATE,
-    VOLUME_RATE_SLOPE,
-)
 from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError
@@ -67,7 +58,6 @@ name = "right"
 box = ["19 -10 -5 mm", "21 10 5 mm"]
 bleeds = true
 """
-FORWARD = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 COLUMNS = 12 * 2
 
 
@@ -96,33 +86,11 @@ def test_units_give_the_result_of_the_process(scene_file, sheet_unit):
     folder, scene = scene_file.parent, read_scene(scene_file)
     stack = StackForming(Simulation.from_scene(scene), unlike=True)
     resin = FillingPart(set_up(blank_of_scene(scene), scene.wet_forming).filling())
-    exchanges = [Exchange("sheet", "resin", name) for name in FORWARD]
-    exchanges.append(Exchange("resin", "sheet", PRESSURE_AT_REST, tolerance=Tolerance(1e-10)))
-    coupled = CoupledSystem(
-        {"sheet": stack, "resin": resin}, exchanges, iqn_ils(relaxation=1.0), window=STEP
-    )
-    while coupled.time < 0.999 * STOP:
-        coupled.advance(STEP)
+    in_one_process(stack, resin, STEP, STOP)
     build_infiltration_fmu(
         None, scene_file, folder / "resin.fmu", fmi=3, options=InfiltrationUnit(motion="volume")
     )
-    units = [
-        {"name": "sheet", "fmu": "sheet.fmu",
-         "start": {"pore_pressure_at_rest": True, "threads": 1}},
-        {"name": "resin", "fmu": "resin.fmu"},
-    ]  # fmt: skip
-    links = [*(f"sheet.{name} -> resin.{name}" for name in FORWARD),
-             {"link": "resin.pressure_at_rest -> sheet.pore_pressure"}]  # fmt: skip
-    system = system_from(
-        {
-            "stop_time": f"{STOP!r} s", "window": f"{STEP!r} s", "units": units,
-            "connections": links,
-            "scheme": {"type": "iqn-ils", "relative": 1e-10, "relaxation": 1.0},
-        },
-        None,
-        directory=folder,
-    )  # fmt: skip
-    run_system(system, folder / "out")
+    as_units(folder, folder / "out", STEP, STOP)
     with xr.open_dataset(folder / "out" / "cosimulation.nc", group="resin") as record:
         pressure = record["pore_pressure"].values[-1]
     with xr.open_dataset(folder / "out" / "cosimulation.nc", group="sheet") as record:

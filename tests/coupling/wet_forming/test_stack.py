@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
+from strips import bleeding_at_both_ends, wet
 
 from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.solids.tool_loads import fibre_forces
 from lcmchain.coupling.wet_forming.moving_permeability import through_columns
-from lcmchain.coupling.wet_forming.wet_forming import WetForming
 from lcmchain.errors import InputError
 from lcmchain.interfaces.in_frames import GAP, PRESSED
 from lcmchain.model import build_model
@@ -53,22 +53,7 @@ profile = "linear"
 pictures = false
 report = false
 vtu = false
-[infiltration]
-time = "10 ms"
-resin = {{ law = "constant", viscosity = "1e-3 Pa*s", density = "1100 kg/m^3" }}
-with_forming = {{ window = "0.1 ms" }}
-[[infiltration.wetted]]
-name = "all"
-box = [["-60 mm", "-60 mm", "-9 mm"], ["60 mm", "60 mm", "9 mm"]]
-[[infiltration.vents]]
-name = "left"
-box = [["-51 mm", "-60 mm", "-9 mm"], ["-49 mm", "60 mm", "9 mm"]]
-bleeds = true
-[[infiltration.vents]]
-name = "right"
-box = [["49 mm", "-60 mm", "-9 mm"], ["51 mm", "60 mm", "9 mm"]]
-bleeds = true
-"""
+{bleeding_at_both_ends(across=60, high=9)}"""
 
 
 TWO = scene_text('layup = "[0/90]2"', 2, damping=200)
@@ -77,11 +62,6 @@ ONE = scene_text(
     "one", 2, damping=200,
     material='preset = "MD600", thickness = "2.008 mm", areal_mass = "1.203 kg/m^2"',
 )  # fmt: skip
-
-
-def wet(text):
-    scene = scene_from_text(text)
-    return WetForming(scene, Simulation.from_scene(scene))
 
 
 # --- columns: no step is made ---------------------------------------------------------------------

@@ -8,56 +8,29 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from strips import PERMEABILITY, VISCOSITY, between_plates, bleeding_at_both_ends, wet
 
 from lcmchain import run
-from lcmchain.coupling.wet_forming.wet_forming import WetForming
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.resin_stages import resin_stages
-from lcmchain.solver.simulation import Simulation
 
 MS = 1e-3
 T = 1.004e-3
-HALF, WIDTH, PERMEABILITY, VISCOSITY, SPEED = 50e-3, 10e-3, 1e-10, 1e-3, 0.02
+HALF, WIDTH, SPEED = 50e-3, 10e-3, 0.02
 PRESSED, OPENED = 4e-5, 1e-4
 
 #: It is saturated; the resin leaves at both ends.
-STRIP = f"""
-process = {{ frames = 9, mass_damping = "200 1/s" }}
-blank = {{ size = ["100 mm", "10 mm"], edge_length = "5 mm" }}
-material = {{ preset = "MD600" }}
-contact = {{ friction = 0.0, penalty = "40 MPa/mm" }}
-output = {{ pictures = false, vtu = false }}
-[permeability]
-law = "constant"
-k1 = "{PERMEABILITY} m^2"
-k2 = "{PERMEABILITY} m^2"
-k3 = "1e-11 m^2"
-[[tools]]
-name = "die"
-shape = {{ type = "plate", side = "below" }}
-position = "0 0 -0.502 mm"
-[[tools]]
-name = "press"
-shape = {{ type = "plate", side = "above" }}
-position = "0 0 0.502 mm"
-stages = ["close", "hold"]
-[infiltration]
-time = "6 ms"
-resin = {{ law = "constant", viscosity = "{VISCOSITY} Pa*s", density = "1100 kg/m^3" }}
-with_forming = {{ window = "0.1 ms" }}
-[[infiltration.wetted]]
-name = "all"
-box = [["-60 mm", "-6 mm", "-1 mm"], ["60 mm", "6 mm", "1 mm"]]
-[[infiltration.vents]]
-name = "left"
-box = [["-51 mm", "-6 mm", "-1 mm"], ["-49 mm", "6 mm", "1 mm"]]
-bleeds = true
-[[infiltration.vents]]
-name = "right"
-box = [["49 mm", "-6 mm", "-1 mm"], ["51 mm", "6 mm", "1 mm"]]
-bleeds = true
-"""
+STRIP = (
+    """
+process = { frames = 9, mass_damping = "200 1/s" }
+blank = { size = ["100 mm", "10 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.0, penalty = "40 MPa/mm" }
+output = { pictures = false, vtu = false }"""
+    + between_plates('stages = ["close", "hold"]')
+    + bleeding_at_both_ends(time="6 ms")
+)
 
 STAGES = f"""
 [[stages]]
@@ -85,12 +58,6 @@ SQUEEZED = STAGES.replace('time = "0.5 ms"\nresin_time = "3 ms"', (
 )  # fmt: skip
 
 
-def wet(text: str = STRIP + STAGES) -> WetForming:
-    """Return the forming and filling of a scene, at its start."""
-    scene = scene_from_text(text)
-    return WetForming(scene, Simulation.from_scene(scene))
-
-
 #: At which the part is looked at [ms].
 TIMES = (1.0, 2.0, 2.5, 8.0, 22.5, 23.0)
 
@@ -116,7 +83,7 @@ def told(part):
 @pytest.fixture(scope="module")
 def way():
     """The part at its end, and what it was like at some times, by these [ms]."""
-    part, found = wet(), {}
+    part, found = wet(STRIP + STAGES), {}
     for time in TIMES:
         part.advance_to(time * MS)
         found[time] = told(part)

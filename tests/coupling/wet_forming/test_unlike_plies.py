@@ -4,53 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from strips import PERMEABILITY, VISCOSITY, between_plates, bleeding_at_both_ends, wet
 
 from lcmchain.coupling.solids.inner_faces import PliesInColumns
 from lcmchain.coupling.solids.tool_loads import _fluid_forces
-from lcmchain.coupling.wet_forming.wet_forming import WetForming
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.simulation import Simulation
 
 T = 1.004e-3
-HALF, WIDTH, PERMEABILITY, VISCOSITY, SPEED = 25e-3, 10e-3, 1e-10, 1e-3, 0.01
+HALF, WIDTH, SPEED = 25e-3, 10e-3, 0.01
 
 PLY = """
 [[plies]]
 name = "{name}"
 size = ["{length} mm", "10 mm"]
 edge_length = "5 mm"
-"""
-REST = f"""
-[permeability]
-law = "constant"
-k1 = "{PERMEABILITY} m^2"
-k2 = "{PERMEABILITY} m^2"
-k3 = "1e-11 m^2"
-[[tools]]
-name = "die"
-shape = {{ type = "plate", side = "below" }}
-position = "0 0 -0.502 mm"
-[[tools]]
-name = "press"
-shape = {{ type = "plate", side = "above" }}
-position = "0 0 {{top}} mm"
-motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.1 mm", profile = "linear" }}
-[infiltration]
-time = "10 ms"
-resin = {{ law = "constant", viscosity = "{VISCOSITY} Pa*s", density = "1100 kg/m^3" }}
-with_forming = {{ window = "0.1 ms" }}
-[[infiltration.wetted]]
-name = "all"
-box = [["-26 mm", "-6 mm", "-9 mm"], ["26 mm", "6 mm", "9 mm"]]
-[[infiltration.vents]]
-name = "left"
-box = [["-26 mm", "-6 mm", "-9 mm"], ["-24 mm", "6 mm", "9 mm"]]
-bleeds = true
-[[infiltration.vents]]
-name = "right"
-box = [["24 mm", "-6 mm", "-9 mm"], ["26 mm", "6 mm", "9 mm"]]
-bleeds = true
 """
 
 
@@ -64,12 +32,8 @@ output = { pictures = false, report = false, vtu = false }
 """
     plies = "".join(PLY.format(name=name, length=length) for name, length in lengths.items())
     top = 1e3 * T * (len(lengths) - 0.5)
-    return head + plies + REST.replace("{top}", f"{top:.6g}")
-
-
-def wet(text):
-    scene = scene_from_text(text)
-    return WetForming(scene, Simulation.from_scene(scene))
+    ends = bleeding_at_both_ends(25, reach=26, high=9)
+    return head + plies + between_plates(top=f"{top:.6g}") + ends
 
 
 @pytest.fixture(scope="module")

@@ -8,64 +8,33 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
+from strips import PERMEABILITY, VISCOSITY, between_plates, bleeding_at_both_ends, wet
 
 from lcmchain import run
-from lcmchain.coupling.wet_forming.wet_forming import WetForming
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.simulation import Simulation
 
 # A saturated strip between stiff plates; the resin leaves at both ends. In SI units.
-HALF, WIDTH, PERMEABILITY, VISCOSITY, SPEED = 50e-3, 10e-3, 1e-10, 1e-3, 0.01
-STRIP = f"""
-process = {{ time = "10 ms", frames = 3, mass_damping = "200 1/s" }}
-blank = {{ size = ["100 mm", "10 mm"], edge_length = "5 mm" }}
-material = {{ preset = "MD600" }}
-contact = {{ friction = 0.0, penalty = "40 MPa/mm" }}
-[permeability]
-law = "constant"
-k1 = "{PERMEABILITY} m^2"
-k2 = "{PERMEABILITY} m^2"
-k3 = "1e-11 m^2"
-[[tools]]
-name = "die"
-shape = {{ type = "plate", side = "below" }}
-position = "0 0 -0.502 mm"
-[[tools]]
-name = "press"
-shape = {{ type = "plate", side = "above" }}
-position = "0 0 0.502 mm"
-motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.1 mm", profile = "linear" }}
+HALF, WIDTH, SPEED = 50e-3, 10e-3, 0.01
+STRIP = (
+    """
+process = { time = "10 ms", frames = 3, mass_damping = "200 1/s" }
+blank = { size = ["100 mm", "10 mm"], edge_length = "5 mm" }
+material = { preset = "MD600" }
+contact = { friction = 0.0, penalty = "40 MPa/mm" }"""
+    + between_plates()
+    + """
 [output]
 pictures = false
 report = false
-vtu = false
-[infiltration]
-time = "10 ms"
-resin = {{ law = "constant", viscosity = "{VISCOSITY} Pa*s", density = "1100 kg/m^3" }}
-with_forming = {{ window = "0.1 ms" }}
-[[infiltration.wetted]]
-name = "all"
-box = [["-60 mm", "-6 mm", "-1 mm"], ["60 mm", "6 mm", "1 mm"]]
-[[infiltration.vents]]
-name = "left"
-box = [["-51 mm", "-6 mm", "-1 mm"], ["-49 mm", "6 mm", "1 mm"]]
-bleeds = true
-[[infiltration.vents]]
-name = "right"
-box = [["49 mm", "-6 mm", "-1 mm"], ["51 mm", "6 mm", "1 mm"]]
-bleeds = true
-"""
-
-
-def wet(text=STRIP):
-    scene = scene_from_text(text)
-    return WetForming(scene, Simulation.from_scene(scene))
+vtu = false"""
+    + bleeding_at_both_ends()
+)
 
 
 @pytest.fixture(scope="module")
 def squeezed():
-    part = wet()
+    part = wet(STRIP)
     part.advance_to(6e-3)
     return part
 

@@ -9,6 +9,7 @@ import meshio
 import numpy as np
 import pytest
 
+from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping import compute_weights, read_sheet, read_target, transfer
 from lcmchain.mapping.files import mapped_dataset
 from lcmchain.mapping.report import mapping_report
@@ -97,6 +98,39 @@ def part(make, tmp_path_factory):
 def bowl(part):
     """The part as it is."""
     return part()
+
+
+@pytest.fixture
+def flat_stack(make, tmp_path):
+    """Write two flat plies of unlike shear; the upper one is short and thins along x.
+
+    ``flat_stack(order)`` gives the file, what is the thickness [m] of a ply, 0 the lower one, at x
+    [m], and the names of both, as the result has them in this order.
+    """
+    thick, middle = (1.2e-3, 0.8e-3), (-0.4e-3, 0.6e-3)
+
+    def thickness(ply, x):
+        return thick[ply] * (1.0 + 0.2 * ply * x)
+
+    def build(order):
+        meshes, families, thicknesses = [], [], []
+        for ply in order:
+            flat, faces = make.grid(18 - 9 * ply, 18, (-0.9, -0.9), (0.9 - 0.9 * ply, 0.9))
+            points = make.lifted(flat) + [0.0, 0.0, middle[ply]]
+            meshes.append((points, faces))
+            families.append(make.families(points, faces, (0.3, -0.5)[ply]))
+            thicknesses.append(lambda c, ply=ply: thickness(ply, c[:, 0]))
+        stack = make.two_plies(
+            *meshes,
+            thickness=thicknesses,
+            fibre_direction_1=[pair[0] for pair in families],
+            fibre_direction_2=[pair[1] for pair in families],
+        )
+        write_netcdf(tmp_path / "forming.nc", {"/": stack})
+        names = [("under", "over")[order.index(ply)] for ply in (0, 1)]
+        return tmp_path / "forming.nc", thickness, names
+
+    return build
 
 
 @pytest.fixture

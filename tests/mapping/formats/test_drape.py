@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping import MappingOptions, map_file, read_target
 from lcmchain.mapping.formats import export
 
@@ -124,32 +123,17 @@ def test_numbers_beyond_eight_columns_and_doubled_ones_are_errors(bowl, numbered
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_every_ply_of_a_stack_has_tables_of_its_own(make, write_mesh, tmp_path, order):
+def test_every_ply_of_a_stack_has_tables_of_its_own(make, flat_stack, write_mesh, tmp_path, order):
     """Two flat plies of unlike shear; the upper one is short and thins along x."""
-    thick, middle = (1.2e-3, 0.8e-3), (-0.4e-3, 0.6e-3)
-    meshes, families, thicknesses = [], [], []
-    for ply in order:
-        flat, faces = make.grid(18 - 9 * ply, 18, (-0.9, -0.9), (0.9 - 0.9 * ply, 0.9))
-        points = make.lifted(flat) + [0.0, 0.0, middle[ply]]
-        meshes.append((points, faces))
-        families.append(make.families(points, faces, (0.3, -0.5)[ply]))
-        thicknesses.append(lambda c, ply=ply: thick[ply] * (1.0 + 0.2 * ply * c[:, 0]))
-    stack = make.two_plies(
-        *meshes,
-        thickness=thicknesses,
-        fibre_direction_1=[pair[0] for pair in families],
-        fibre_direction_2=[pair[1] for pair in families],
-    )
-    write_netcdf(tmp_path / "forming.nc", {"/": stack})
+    forming, thickness_at, names = flat_stack(order)
     flat, quads = make.grid(18, 18, (-0.9, -0.9), (0.9, 0.9))
     mesh = write_mesh(make.lifted(flat), [("quad", quads)])
     options = MappingOptions(exports=("drape",))
-    report = map_file(tmp_path / "forming.nc", mesh, tmp_path / "stack.nc", options)
+    report = map_file(forming, mesh, tmp_path / "stack.nc", options)
     thickness = report.exports[0]["details"]["ply_thickness_m"]
     target = read_target(mesh)
     tables = read_tables(tmp_path / "stack.drape.fem")
     # from the lowest to the highest, whatever the order of the result
-    names = [("under", "over")[order.index(ply)] for ply in (0, 1)]
     assert list(thickness) == names
     text = (tmp_path / "stack.drape.fem").read_text()
     of_tables = [line[2:] for line in text.splitlines() if line.startswith(("$ under", "$ over"))]
@@ -162,5 +146,5 @@ def test_every_ply_of_a_stack_has_tables_of_its_own(make, write_mesh, tmp_path, 
         assert between == pytest.approx(90.0 - np.degrees(shear), abs=1e-4)
         row = np.searchsorted(target.cell_ids, first[:, 0].astype(int))
         formed = 2.0 * thickness[names[ply]] * first[:, 1]
-        assert formed == pytest.approx(thick[ply] * (1.0 + 0.2 * ply * x[row]), rel=1e-6)
+        assert formed == pytest.approx(thickness_at(ply, x[row]), rel=1e-6)
     assert not any("no row" in sentence for sentence in report.warnings)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.mapping import MappingOptions, map_file, read_target
 from lcmchain.mapping.formats import export
 from lcmchain.mesh_files.shapes import corner_count
@@ -184,31 +183,16 @@ def test_numbers_that_the_starter_does_not_hold_are_errors(bowl, numbered, tmp_p
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_plies_of_a_stack_lie_lowest_first_with_their_own_thinning(
-    make, write_mesh, tmp_path, order
+    make, flat_stack, write_mesh, tmp_path, order
 ):
     """Two flat plies of unlike shear on a mesh of both cells; the upper one is short and thins."""
-    thick, middle = (1.2e-3, 0.8e-3), (-0.4e-3, 0.6e-3)
-    meshes, families, thicknesses = [], [], []
-    for ply in order:
-        flat, faces = make.grid(18 - 9 * ply, 18, (-0.9, -0.9), (0.9 - 0.9 * ply, 0.9))
-        points = make.lifted(flat) + [0.0, 0.0, middle[ply]]
-        meshes.append((points, faces))
-        families.append(make.families(points, faces, (0.3, -0.5)[ply]))
-        thicknesses.append(lambda c, ply=ply: thick[ply] * (1.0 + 0.2 * ply * c[:, 0]))
-    stack = make.two_plies(
-        *meshes,
-        thickness=thicknesses,
-        fibre_direction_1=[pair[0] for pair in families],
-        fibre_direction_2=[pair[1] for pair in families],
-    )
-    write_netcdf(tmp_path / "forming.nc", {"/": stack})
+    forming, thickness_at, names = flat_stack(order)
     flat, quads = make.grid(18, 18, (-0.9, -0.9), (0.9, 0.9))
     halves = np.concatenate([quads[:4, [0, 1, 2]], quads[:4, [0, 2, 3]]])
     mesh = write_mesh(make.lifted(flat), [("quad", quads[4:]), ("triangle", halves)])
     options = MappingOptions(exports=("openradioss",))
-    report = map_file(tmp_path / "forming.nc", mesh, tmp_path / "stack.nc", options)
+    report = map_file(forming, mesh, tmp_path / "stack.nc", options)
     deck, target = Deck(tmp_path / "stack.openradioss.inc"), read_target(mesh)
-    names = [("under", "over")[order.index(ply)] for ply in (0, 1)]
     assert [deck.title(ply) for ply in deck.order] == [
         f"{name} fibre_direction_{k}" for name in names for k in (1, 2)
     ]
@@ -224,5 +208,5 @@ def test_plies_of_a_stack_lie_lowest_first_with_their_own_thinning(
             cosine = abs(first[number][0] @ second[number][0])
             assert np.arccos(cosine) == pytest.approx(0.5 * np.pi - abs(shear), abs=1e-6)
             formed = first[number][1] + second[number][1]
-            expected = thick[ply] * (1.0 + 0.2 * ply * x[number])
+            expected = thickness_at(ply, x[number])
             assert formed == pytest.approx(expected, rel=2e-2 if ply else 1e-9)
