@@ -141,7 +141,7 @@ def sizes(model: Model) -> dict[str, int]:
         "held node": 0 if model.environment.depth_time is None else model.node_count,
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
-        "supported node": 0 if model.supports is None else model.node_count,
+        "node that may be held": 0 if model.nodes.free is None else model.node_count,
         "tool start": START_ENTRIES,
         "stage": len(model.stages),
         "rest": REST_ENTRIES,
@@ -387,7 +387,10 @@ class State(_Arrays):
         "support", unit="s", meaning="time at which the support let go; infinite before"
     )
     free: np.ndarray = entry(
-        "xyz", "supported node", unit="1", meaning="1 where a component is free, 0 where it is held"
+        "xyz",
+        "node that may be held",
+        unit="1",
+        meaning="1 where a component is free, 0 where it is held",
     )
     gripped_at: np.ndarray = entry(
         "xyz",
