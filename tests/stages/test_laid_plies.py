@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import zipfile
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,10 @@ from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields.stages import stage_summary
+from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.forming_variables import STACK
+from lcmchain.fmu.instances import open_unit
+from lcmchain.fmu.status import Status
 from lcmchain.interfaces.forces import REFRESHES_LEFT
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -409,3 +414,50 @@ def test_tools_are_held_against_the_plies_that_are_between_them():
     with pytest.raises(InputError, match=r'tools\[1\] "punch".motion'):
         require_space(*of(there[0], CLOSES.format(0.55)))
     assert len(tools_that_close(scene, model, closing)) == 1
+
+
+# --- as a unit ------------------------------------------------------------------------------------
+
+STEP = 2.5 * MS  # the border at 6 ms lies within the third step
+
+
+@pytest.fixture
+def unit(tmp_path):
+    path = tmp_path / "patch.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    with zipfile.ZipFile(build_fmu(path, tmp_path / "patch.fmu")) as packed:
+        packed.extractall(tmp_path / "unit")
+    told: list[str] = []
+    resources = tmp_path / "unit" / "resources"
+    opened = open_unit(str(resources), "patch", lambda _, __, text: told.append(text), arrays=False)
+    opened.set_up(0.0)
+    opened.enter_initialization()
+    opened.exit_initialization()
+    return opened
+
+
+def test_a_unit_steps_over_the_border_and_goes_back_over_it(unit):
+    """Bit for bit as the run does; its outputs tell the stack that is there."""
+    reference = Simulation.from_scene(scene_of())
+    one = reference.model.bodies[0].material.thickness
+
+    def thickest():
+        return unit.part.outputs(STACK)["stack_thickness_max"]
+
+    def step(number):
+        assert unit.step((number - 1) * STEP, STEP) is Status.OK
+        return unit.part.simulation.state.copy()
+
+    step(1), step(2)
+    assert thickest() < 1.01 * one
+    saved = unit.save()
+    later = step(3)
+    assert thickest() > 1.9 * one
+    for number in (1, 2, 3):
+        reference.advance_to(number * STEP, lambda _: reference.require_resolved())
+    assert unit.restore(saved) is Status.OK
+    assert unit.part.simulation.model.present_stage.name == "form"
+    again = step(3)
+    for name, array in later.as_dict().items():
+        assert np.array_equal(getattr(again, name), array), name
+        assert np.array_equal(getattr(reference.state, name), array), name
