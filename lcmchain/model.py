@@ -187,6 +187,11 @@ class Model:
         """The present stage, None where the process has one."""
         return self.stages[self.stage] if self.stages else None
 
+    @property
+    def lets_go(self) -> bool:
+        """Whether nodes may be held for a while: by supports, or since their ply is not there."""
+        return self.supports is not None or any(s.absent is not None for s in self.stages)
+
     def tools_at_work(self, time: float) -> np.ndarray:
         """Return whether contact with each tool is evaluated at a time [s] of the process (T,).
 

@@ -525,8 +525,8 @@ class Simulation:
         arrays: dict[str, Any] = {
             **self.model.nodes._asdict(), **self.state.as_dict(), **self._scratch.as_dict(),
         }  # fmt: skip
-        if self.model.nodes.free is None:
-            arrays["free"] = None
+        if not self.model.lets_go:
+            arrays["free"] = self.model.nodes.free  # nothing changes it
         self._arrays = Arrays(**arrays)
 
     def _advance(self, step_count: int, step: float) -> None:

@@ -51,7 +51,7 @@ def begin_first(model: Model, state: State) -> None:
     """
     if model.supports is not None:
         state.gripped_at[:] = state.position
-    if model.nodes.free is not None:
+    if model.lets_go:
         state.free[:] = model.stages[0].free(model.whole, state.support_let_go)
 
 
@@ -81,7 +81,7 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
     _begin_grippers(model, state, before, now)
     if model.supports is not None:
         state.gripped_at[:] = state.position
-    if model.nodes.free is not None:
+    if model.lets_go:
         state.free[:] = now.free(model.whole, state.support_let_go)
     if laid_down:
         energy = lay_down(model, state, before, now, laid_down)
