@@ -421,13 +421,17 @@ class FormingPart(Part):
 
     def _stack_outputs(self) -> dict[str, float | np.ndarray]:
         """What lies over each other, on the elements of all plies in the order of the plies."""
-        position = self.simulation.state.position
+        position, stage = self.simulation.state.position, self.simulation.model.present_stage
+        absent = None if stage is None else stage.absent
         plies = [
-            StackedPly.of_mesh(body.mesh, body.material, _own(body, position)[None], fields)
+            StackedPly.of_mesh(
+                body.mesh, body.material, _own(body, position)[None], fields,
+                None if absent is None else np.array([not absent[body.first_node]]),
+            )
             for body, fields in zip(
                 self.simulation.model.bodies, self._fields_at(position), strict=True
             )
-        ]
+        ]  # fmt: skip
         columns = columns_of(plies)
         values: dict[str, float | np.ndarray] = {}
         for name in ("thickness", "fibre_volume_fraction"):

@@ -42,7 +42,7 @@ from lcmchain.scene import Contact, Element, Process
 from lcmchain.scene.found_time import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.scene.stages import StagePlan, number_at
-from lcmchain.stages import StageTables, stage_tables
+from lcmchain.stages import StageTables, absent_nodes, stage_tables
 from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.span_rows import NODE_CHUNK
@@ -186,6 +186,11 @@ class Model:
     def present_stage(self) -> StageTables | None:
         """The present stage, None where the process has one."""
         return self.stages[self.stage] if self.stages else None
+
+    @property
+    def lets_go(self) -> bool:
+        """Whether nodes may be held for a while: by supports, or since their ply is not there."""
+        return self.supports is not None or any(s.absent is not None for s in self.stages)
 
     def tools_at_work(self, time: float) -> np.ndarray:
         """Return whether contact with each tool is evaluated at a time [s] of the process (T,).
@@ -454,6 +459,7 @@ def assemble_bodies(
     finds_pace : whether the pace follows the energies; the process then takes other times than
         ``process.time``, which is that at pace 1.
     stages : of the process; ``interfaces_by_stage`` is then what is between sheets in each of them.
+        A sheet that is not there in the first ones waits at its place.
 
     Raises
     ------
@@ -481,11 +487,18 @@ def assemble_bodies(
     positions = np.concatenate([body.mesh.node_positions for body in bodies])
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
-    tools = without_initial_overlap(tools, positions, offset, thickness)
+    absent = absent_nodes(bodies, stages, stages[0]) if stages else None
+    if absent is None:
+        tools = without_initial_overlap(tools, positions, offset, thickness)
+    else:
+        there = ~absent
+        tools = without_initial_overlap(tools, positions[there], offset[there], thickness)
     grips = grips_of(grippers, bodies)
     holding = [grip.support(process.time) for grip in grips if not grip.settings.pulls]
     supports = [*supports, *holding]
     support_table, free = build_supports(supports, positions, float(process.time))
+    if free is None and absent is not None:
+        free = np.ones((3, len(positions)))  # plies that are laid down later are held until then
     last_force = placed[order[-1]].last_force
     fibre_bending = build_fibre_bending([bodies[number] for number in order], last_force)
     bodies = with_added_mass(
@@ -500,14 +513,16 @@ def assemble_bodies(
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     materials = [body.material for body in bodies]
-    gap = math.inf
-    if contact.penalty is None or len(bodies) > 1:  # else it decides nothing
+    gap = closed = math.inf
+    if absent is not None:
+        gap, closed = _closing_by_stages(tools, bodies, float(process.time), stages)
+    elif contact.penalty is None or len(bodies) > 1:  # else it decides nothing
         gap = gap_left(tools, [body.mesh for body in bodies], float(process.time), stages)
     pressure = _pressures_on_faces(face_pressures, bodies, order, float(process.time))
     expected = 0.0
     if len(bodies) > 1:
         bag = 0.0 if pressure is None else pressure.largest
-        expected = max(pressure_in_gap(gap, materials), bag)
+        expected = max(pressure_in_gap(gap, materials) if absent is None else closed, bag)
     stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
     penalties: list[float] = []  # [Pa/m] of each ply, where anything asks for them
     if contact.penalty is None or interfaces:
@@ -519,7 +534,12 @@ def assemble_bodies(
         return depth_control(contact, tools, gap, materials, time, depth_rate)
 
     depth_time, depth_stiffening = depths(float(process.time))
-    contacts = interfaces_of_stages(interfaces_by_stage or [interfaces], bodies, penalties)
+    contacts = interfaces_of_stages(
+        interfaces_by_stage or [interfaces],
+        bodies,
+        penalties,
+        there=[plan.plies for plan in stages] if absent is not None else (),
+    )
     force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
     model = Model(
         bodies=tuple(bodies),
@@ -585,6 +605,25 @@ def assemble_bodies(
             depth_time=lambda time: depths(time)[0],
         ),
     )
+
+
+def _closing_by_stages(
+    tools: ToolTable, bodies: Sequence[Body], time: float, stages: Sequence[StagePlan]
+) -> tuple[float, float]:
+    """Return the gap that tools leave for all sheets [m], and the pressure between them [Pa].
+
+    Of the stage in which they close most on the sheets that are there: its gap in parts of the
+    thickness of these, times that of all.
+    """
+    thickness = sum(body.material.thickness for body in bodies)
+    least, pressure = math.inf, 0.0
+    for plan in stages:
+        there = [body for body, is_there in zip(bodies, plan.plies, strict=True) if is_there]
+        materials = [body.material for body in there]
+        gap = gap_left(tools, [body.mesh for body in there], time, [plan])
+        pressure = max(pressure, pressure_in_gap(gap, materials))
+        least = min(least, gap * thickness / sum(own.thickness for own in materials))
+    return least, pressure
 
 
 def _pressures_on_faces(

@@ -16,7 +16,7 @@ import numpy as np
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, common_times
 from lcmchain.effects.grippers import RAMP_PART, Grip, GripperTable
 from lcmchain.effects.pace import PaceLaw, pace_law
-from lcmchain.effects.regional_pressure import RegionalPressure
+from lcmchain.effects.regional_pressure import RegionalPressure, regional_shares
 from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, translation
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact
@@ -44,6 +44,8 @@ class StageTables:
     grippers : those that pull, without force where they are not at work; None without any.
     grippers_at_work, gripper_begin : (G,) of them: whether, and since when [s].
     supports : with the motions of the stage, or None. supports_at_work : (S,).
+    absent : (node_count,) whether a node is of a ply that is laid down later; None where all are
+        there from the start.
     face_pressure, ply_contact, environment, averaging, pace : as in :class:`lcmchain.model.Model`.
     rest_energy : of a stage that ends at rest (:mod:`lcmchain.solver.rest`), else None.
     settled : when the motions and loads of the stage have come to their end [s].
@@ -59,6 +61,7 @@ class StageTables:
     gripper_begin: np.ndarray
     supports: SupportTable | None
     supports_at_work: np.ndarray
+    absent: np.ndarray | None
     face_pressure: FacePressure | RegionalPressure | None
     ply_contact: PlyContact | None
     environment: Any
@@ -99,14 +102,19 @@ class StageTables:
     def free(self, model: Any, let_go: np.ndarray) -> np.ndarray:
         """Return 1 where a component of a node is free (3, node_count), 0 where it is held.
 
+        Plies that are laid down later are held where they wait.
+
         let_go : (S,) when each support let go [s], infinite where it holds.
         """
         table = model.supports
-        assert table is not None and model.nodes.free is not None
-        holds = (self.supports_at_work & np.isinf(let_go))[table.group]
+        assert model.nodes.free is not None
         free = np.ones_like(model.nodes.free)
-        held = table.node[holds]
-        free[:, held] = model.nodes.free[:, held]
+        if table is not None:
+            holds = (self.supports_at_work & np.isinf(let_go))[table.group]
+            held = table.node[holds]
+            free[:, held] = model.nodes.free[:, held]
+        if self.absent is not None:
+            free[:, self.absent] = 0.0
         return free
 
 
@@ -155,9 +163,13 @@ def stage_tables(
         pulls = None
         if model.grippers is not None:
             pulls = _pulls_in_stage(model.grippers, works, begin, ramp)
-        face = None
+        face, absent = None, absent_nodes(model.bodies, plans, plan)
         if model.face_pressure is not None:
-            face = _pressures_in_stage(model.face_pressure, pressures, plan)
+            face = _pressures_in_stage(model.face_pressure, pressures, plan, model.bodies)
+        _require_gripped(model, plan, grippers)
+        held_nodes = _supports_in_stage(model.supports, plan, own, holding, held, grippers)
+        if held_nodes is not None and absent is not None:
+            held_nodes = _of_nodes(held_nodes, ~absent)
         environment = model.environment._replace(
             mass_damping=float(plan.mass_damping), depth_time=depth_time(plan.time)
         )
@@ -171,8 +183,9 @@ def stage_tables(
                 grippers=pulls,
                 grippers_at_work=works,
                 gripper_begin=begin,
-                supports=_supports_in_stage(model.supports, plan, own, holding, held, grippers),
+                supports=held_nodes,
                 supports_at_work=np.array([True] * own + held, dtype=bool),
+                absent=absent,
                 face_pressure=face,
                 ply_contact=contacts[number] if contacts else None,
                 environment=environment,
@@ -185,6 +198,60 @@ def stage_tables(
             )
         )
     return tuple(found)
+
+
+def absent_nodes(
+    bodies: Sequence[Any], plans: Sequence[StagePlan], plan: StagePlan
+) -> np.ndarray | None:
+    """Return whether each node is of a ply that is not there in a stage (node_count,).
+
+    None in a process in which all plies are there from the start.
+    """
+    if all(all(each.plies) for each in plans):
+        return None
+    counts = [body.mesh.node_count for body in bodies]
+    return np.repeat(~np.array(plan.plies, dtype=bool), counts)
+
+
+def _of_nodes(table: SupportTable, kept: np.ndarray) -> SupportTable:
+    """Return supports without the nodes that are not kept (node_count,)."""
+    chosen = kept[table.node]
+    return table._replace(
+        node=table.node[chosen],
+        group=table.group[chosen],
+        anchor=np.ascontiguousarray(table.anchor[:, chosen]),
+    )
+
+
+def _require_gripped(model: Any, plan: StagePlan, grippers: Sequence[Any]) -> None:
+    """Refuse a gripper that pulls at a ply that is not there, or has nothing to hold.
+
+    One that holds takes up the nodes of a ply when that is laid down.
+    """
+    waiting = [body for body, there in zip(model.bodies, plan.plies, strict=True) if not there]
+    for grip in model.grips:
+        entry = _entry(grip, grippers)
+        if not plan.grippers[entry]:
+            continue
+        key = f'grippers[{entry}] "{grip.settings.name}"'
+        absent = np.zeros(grip.nodes.size, dtype=bool)
+        for body in waiting:
+            last = body.first_node + body.mesh.node_count
+            own = (grip.nodes >= body.first_node) & (grip.nodes < last)
+            absent |= own
+            if own.any() and grip.settings.pulls:
+                raise InputError(
+                    f'pulls at "{body.name}" too, which is not there yet in the stage '
+                    f'"{plan.stage.name}"; name the ply that it pulls at, or the stages from '
+                    "which on that one is there",
+                    key=f"{key}.ply",
+                )
+        if absent.all():
+            raise InputError(
+                f'grips no ply that is there in the stage "{plan.stage.name}"; name the stages in '
+                "which it is at work",
+                key=f"{key}.stages",
+            )
 
 
 def _entry(grip: Grip, grippers: Sequence[Any]) -> int:
@@ -298,9 +365,15 @@ def _supports_in_stage(
 
 
 def _pressures_in_stage(
-    face: FacePressure | RegionalPressure, pressures: Sequence[PressureOnFace], plan: StagePlan
+    face: FacePressure | RegionalPressure,
+    pressures: Sequence[PressureOnFace],
+    plan: StagePlan,
+    bodies: Sequence[Any],
 ) -> FacePressure | RegionalPressure:
-    """Return the pressures of a stage; those of an entry count from when it came to work."""
+    """Return the pressures of a stage; those of an entry count from when it came to work.
+
+    The outer faces are those of the plies that are there.
+    """
     tables = []
     for entry, works, (begin, time) in zip(
         pressures, plan.pressures, plan.pressure_begins, strict=True
@@ -311,10 +384,17 @@ def _pressures_in_stage(
         else:
             tables.append((np.array([plan.start]), np.zeros(1)))
     times, values = common_times(tables)
+    elements = face.elements
+    if not all(plan.plies):
+        there = [body for body, is_there in zip(bodies, plan.plies, strict=True) if is_there]
+        elements = elements.with_outer_faces_of(there)
     if isinstance(face, RegionalPressure):
-        return RegionalPressure.of_shares(face.elements, face.entry_shares, times, values)
+        share = face.entry_shares
+        if elements is not face.elements:
+            share = regional_shares(pressures, bodies, elements, plan.pressures)
+        return RegionalPressure.of_shares(elements, share, times, values)
     faces = [entry.face for entry in pressures]
-    return FacePressure.of_entries(face.elements, faces, times, values)
+    return FacePressure.of_entries(elements, faces, times, values)
 
 
 def _settled(

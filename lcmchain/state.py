@@ -141,7 +141,7 @@ def sizes(model: Model) -> dict[str, int]:
         "held node": 0 if model.environment.depth_time is None else model.node_count,
         "sticking node": model.node_count if model.tools.friction.any() else 0,
         "support": len(model.support_names),
-        "supported node": 0 if model.supports is None else model.node_count,
+        "node held for a while": model.node_count if model.lets_go else 0,
         "tool start": START_ENTRIES,
         "stage": len(model.stages),
         "rest": REST_ENTRIES,
@@ -387,7 +387,10 @@ class State(_Arrays):
         "support", unit="s", meaning="time at which the support let go; infinite before"
     )
     free: np.ndarray = entry(
-        "xyz", "supported node", unit="1", meaning="1 where a component is free, 0 where it is held"
+        "xyz",
+        "node held for a while",
+        unit="1",
+        meaning="1 where a component is free, 0 where it is held",
     )
     gripped_at: np.ndarray = entry(
         "xyz",
@@ -434,7 +437,7 @@ class State(_Arrays):
         state.ply_facet[:] = NONE
         state.support_let_go[:] = state.gripper_let_go[:] = np.inf
         state.tool_stopped[:, :, STOPPED_TIME] = np.inf
-        if model.nodes.free is not None:
+        if model.lets_go:
             state.free[:] = model.nodes.free
         state.tool_start[:, START_OVERLAP] = model.tools.initial_overlap
         return state

@@ -20,7 +20,7 @@ from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.fabrics import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
-from lcmchain.scene.stages import at_work
+from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.motion import TurnMotion
@@ -97,6 +97,7 @@ def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
     if len(stack) == 1:
         return []
     films = f" and {len(stack.films)} of films" if stack.films else ""
+    later = laid_later(scene)
     plies = _table(
         f"Stack of {len(stack.preform)} plies{films}, {1e3 * stack.thickness:.4g} mm thick, "
         "top first",
@@ -114,7 +115,8 @@ def stack_tables(scene: Scene, element_counts: Sequence[int]) -> list[Table]:
             f"{1e3 * ply.blank.edge_length:.4g} mm",
             f"{count:,}",
             f"{1e3 * width:.4g} x {1e3 * height:.4g} mm"
-            + (f", shifted by ({shift}) mm" if any(ply.center) else ""),
+            + (f", shifted by ({shift}) mm" if any(ply.center) else "")
+            + (f", laid down in {first_stage(scene, ply)}" if ply in later else ""),
         )
     between = _table("Between plies", "plies", "what they do", "stiffness")
     for entry in stack.interfaces(scene.interfaces):
@@ -258,6 +260,7 @@ def stage_table(scene: Scene) -> list[Table]:
         return []
     table = _table("Stages", "stage", "time", "at work", "motions", "damping")
     others: tuple[Any, ...] = (*scene.tools, *scene.grippers, *scene.pressure)
+    lying = {ply.name for ply in stack_at(scene, 0.0)}
     resin = {} if scene.wet_forming is None else {own.name: own for own in resin_stages(scene)}
     for stage, plan in zip(scene.stages, scene.stage_plans(), strict=True):
         time = milliseconds_text(stage.time)
@@ -269,13 +272,18 @@ def stage_table(scene: Scene) -> list[Table]:
             own = resin[stage.name]
             span = own.resin_end - own.resin_start
             time += f"; for the resin {span:.4g} s" if own.flows else "; the resin stands still"
+        works = ", ".join(entry.name for entry in others if at_work(entry, stage)) or "nothing"
+        laid = [p.name for p in laid_later(scene) if at_work(p, stage) and p.name not in lying]
+        if laid:
+            works += f"; laid down: {', '.join(laid)}"
+            lying.update(laid)
         damping = "stopped at peaks of the kinetic energy"
         if not stage.rest:
             damping = f"{plan.mass_damping:.4g} 1/s"
         table.add_row(
             _text(stage.name),
             time,
-            _text(", ".join(entry.name for entry in others if at_work(entry, stage)) or "nothing"),
+            _text(works),
             _text(", ".join(_motion_in_words(*item) for item in stage.motions.items()) or "none"),
             damping,
         )

@@ -14,7 +14,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Scene, Tool
 from lcmchain.scene.plies import PlySettings
-from lcmchain.scene.stages import at_work
+from lcmchain.scene.stages import at_work, stack_at
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.surfaces.exact_distance import ExactDistance
@@ -74,11 +74,16 @@ def initial_gaps(
 def gaps_of_stack(
     scene: Scene, blanks: Sequence[BlankMesh], tool_table: ToolTable
 ) -> list[InitialGap]:
-    """Measure the smallest distance of every tool to any ply of a scene.
+    """Measure the smallest distance of every tool to any ply of a scene that is there at the start.
 
     blanks : of the plies, as :meth:`lcmchain.scene.plies.PlySettings.build_blank` makes them.
     """
-    sheets = [(blank, contact_offset(ply)) for blank, ply in zip(blanks, scene.stack, strict=True)]
+    first = {ply.name for ply in stack_at(scene, 0.0)}
+    sheets = [
+        (blank, contact_offset(ply))
+        for blank, ply in zip(blanks, scene.stack, strict=True)
+        if ply.name in first
+    ]
     return _gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
 
 
@@ -188,7 +193,7 @@ def require_gaps(gaps: Sequence[InitialGap], scene: Scene) -> None:
 
 def _sentence(gap: InitialGap, scene: Scene) -> str:
     x, y, z = (round(1e3 * c, 9) + 0.0 for c in gap.position)  # no rounding errors, no minus zero
-    stack = scene.stack
+    stack = stack_at(scene, 0.0)
     if gap.gap >= -OVERLAP_TOLERANCE * stack.least_thickness:
         return (
             f"the distance field of the tool reaches {-1e3 * gap.at_nodes:.3g} mm into the blank, "

@@ -9,7 +9,7 @@ the fibres as they are without pores, are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
+from lcmchain.scene.stages import laid_later, stack_at
 from lcmchain.tools.closest_gap import (
     ClosestGap,
     closest_gaps,
@@ -67,7 +68,9 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     """
     tools = model.tools
     led = np.flatnonzero(~yields(tools)).tolist()
-    sides = {k: side_of_sheet(tools, k, blanks) for k in led}
+    first = {ply.name for ply in stack_at(scene, 0.0)}
+    lying = [b for b, ply in zip(blanks, scene.stack, strict=True) if ply.name in first]
+    sides = {k: side_of_sheet(tools, k, lying) for k in led}
     places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []
     for one, other in combinations(led, 2):
@@ -93,17 +96,27 @@ def _together(model: Model, one: int, other: int, times: np.ndarray) -> np.ndarr
 
 def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list[str]:
     """Say which tools leave no space for the sheet between them on their way."""
-    stack = scene.stack
 
-    def leaves_none(near: ClosestGap) -> bool:
-        return near.gap < LEAST_GAP * stack.thickness_at(near.place[0], near.place[1])
+    def space(near: ClosestGap) -> float:
+        return near.gap - LEAST_GAP * _thickness(scene, near)
 
     found = []
     for tools in closing:
-        if leaves_none(tools.closest) and not leaves_none(tools.start):
-            first = next(near for near in tools.course if leaves_none(near))
-            found.append(_sentence(scene, model, tools.pair, first, tools.closest))
+        closest = _tightest(scene, tools, space)
+        if space(closest) < 0.0 and not space(tools.start) < 0.0:
+            first = next(near for near in tools.course if space(near) < 0.0)
+            found.append(_sentence(scene, model, tools.pair, first, closest))
     return found
+
+
+def _tightest(scene: Scene, tools: Closing, space: Callable[[ClosestGap], float]) -> ClosestGap:
+    """Return where two tools are closest, where plies come later that leave least space [m]."""
+    return min(tools.course, key=space) if laid_later(scene) else tools.closest
+
+
+def _thickness(scene: Scene, near: ClosestGap) -> float:
+    """Return the thickness of the plies that are there between two tools then [m]."""
+    return stack_at(scene, near.time).thickness_at(near.place[0], near.place[1])
 
 
 def require_space(scene: Scene, model: Model, closing: Sequence[Closing]) -> None:
@@ -116,11 +129,11 @@ def require_space(scene: Scene, model: Model, closing: Sequence[Closing]) -> Non
     InputError : names the motion, the tools, the place and the time.
     """
     for tools in closing:
-        near, start = tools.closest, tools.start
-        solid = _solid_height(scene, near)
+        near = _tightest(scene, tools, lambda one: one.gap - _solid_height(scene, one))
+        start, solid = tools.start, _solid_height(scene, near)
         if near.gap >= solid or start.gap < solid:  # the start has a check of its own
             continue
-        first = next(one for one in tools.course if one.gap < solid)
+        first = next(one for one in tools.course if one.gap < solid and one.time <= near.time)
         text = _sentence(scene, model, tools.pair, first, near)
         if near.gap >= 0.0:
             text += f"; its fibres alone, without pores, are {1e3 * solid:.4g} mm high"
@@ -133,7 +146,7 @@ def _solid_height(scene: Scene, near: ClosestGap) -> float:
     place = shapely.Point(near.place[0], near.place[1])
     return sum(
         ply.material.areal_mass / ply.material.fibre_density
-        for ply in scene.stack.preform
+        for ply in stack_at(scene, near.time).preform
         if ply.material.fibre_density is not None and ply.contours.polygon.covers(place)
     )
 
@@ -151,7 +164,7 @@ def _sentence(
 ) -> str:
     """Name tools, gap, place and travel where two tools are closest, and when it begins."""
     moving = [k for k in pair if scene.tools[k].motion.moves]
-    thickness = scene.stack.thickness_at(closest.place[0], closest.place[1])
+    thickness = _thickness(scene, closest)
     way = " and ".join(
         f"{model.tool_names[k]} {_place_in_words(model, k, closest.time)}" for k in moving
     )

@@ -98,8 +98,28 @@ def build_regional_pressure(
     """
     elements = pressed_elements(bodies, order, key="pressure")
     times, values = common_times([entry.table(process_time) for entry in entries])
+    share = regional_shares(entries, bodies, elements)
+    return RegionalPressure.of_shares(elements, share, times, values)
+
+
+def regional_shares(
+    entries: Sequence[PressureOnFace],
+    bodies: Sequence[Any],
+    elements: PressedElements,
+    at_work: Sequence[bool] = (),
+) -> np.ndarray:
+    """Return the shares of pressures in the bottom and top faces of all lanes (L, 2, lanes).
+
+    at_work : of every entry; the others have none. All are without it.
+
+    Raises
+    ------
+    InputError : as :func:`build_regional_pressure`.
+    """
     share = np.zeros((len(entries), 2, elements.padded_count))
     for index, entry in enumerate(entries):
+        if at_work and not at_work[index]:
+            continue
         key = f'pressure[{index}] "{entry.name}"'
         own = _shares_of(entry, bodies, key)
         lanes = elements.in_lanes(own)
@@ -111,7 +131,7 @@ def build_regional_pressure(
                 "presses on no outer face of the stack there; name the ply whose face is meant",
                 key=f"{key}.ply",
             )
-    return RegionalPressure.of_shares(elements, share, times, values)
+    return share
 
 
 def _shares_of(entry: PressureOnFace, bodies: Sequence[Any], key: str) -> np.ndarray:

@@ -47,6 +47,14 @@ class PressedElements(NamedTuple):
         lanes[self.place] = values
         return lanes
 
+    def with_outer_faces_of(self, bodies: Sequence[Any]) -> PressedElements:
+        """Return the elements where these bodies alone lie on each other, the first one lowest."""
+        bottom, top = np.zeros(self.padded_count), np.zeros(self.padded_count)
+        for side, body in ((bottom, bodies[0]), (top, bodies[-1])):
+            first = self.place[body.first_element]
+            side[first : first + -(-body.mesh.element_count // LANES) * LANES] = 1.0
+        return self._replace(bottom=bottom, top=top)
+
 
 def pressed_elements(bodies: Sequence[Any], order: Sequence[int], *, key: str) -> PressedElements:
     """Return the elements of bodies with a thickness.

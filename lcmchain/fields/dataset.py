@@ -37,6 +37,7 @@ from lcmchain.materials.law import (
     tells_fibres,
 )
 from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.scene.stages import plies_there
 from lcmchain.tools.turn import turning
 
 if TYPE_CHECKING:
@@ -377,7 +378,8 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
     }
     counts = [s.mesh.element_count for s in sheets.values()]
     each = [s.fields() for s in sheets.values()]
-    of_stack = _through_stack(list(sheets.values()), each)
+    there = plies_there(scene, frames.time)
+    of_stack = _through_stack(list(sheets.values()), each, [there.get(name) for name in sheets])
     each = [fields | more for fields, more in zip(each, of_stack, strict=True)]
     for name, field in _joined(each, counts).items():
         variables[name] = mesh.on_cells(*field)
@@ -406,14 +408,23 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
 
 
 def _through_stack(
-    sheets: Sequence[SheetFrames], fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]]
+    sheets: Sequence[SheetFrames],
+    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]],
+    there: Sequence[np.ndarray | None],
 ) -> list[dict[str, tuple[np.ndarray, dict[str, Any]]]]:
-    """Return the fields of the stack on the faces of each ply."""
+    """Return the fields of the stack on the faces of each ply.
+
+    there : in which frames each ply is there, None for all.
+    """
     plies = [
         StackedPly.of_mesh(
-            sheet.mesh, sheet.material, sheet.positions, {name: own[name][0] for name in own}
+            sheet.mesh,
+            sheet.material,
+            sheet.positions,
+            {name: own[name][0] for name in own},
+            is_there,
         )
-        for sheet, own in zip(sheets, fields, strict=True)
+        for sheet, own, is_there in zip(sheets, fields, there, strict=True)
     ]
     found = []
     for columns in columns_of(plies):

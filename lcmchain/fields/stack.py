@@ -102,6 +102,7 @@ class StackedPly:
     areal_mass : fibre mass per present area (F, m) [kg/m²].
     fibre_density : [kg/m³], or None.
     is_film : whether it is taken off after forming, and counts in no sum.
+    there : in which frames it is there (F,); in the others it counts in no sum. None for all.
     """
 
     faces: np.ndarray
@@ -111,6 +112,7 @@ class StackedPly:
     areal_mass: np.ndarray
     fibre_density: float | None
     is_film: bool = False
+    there: np.ndarray | None = None
 
     @classmethod
     def of_mesh(
@@ -119,11 +121,12 @@ class StackedPly:
         material: Material,
         positions: np.ndarray,
         fields: Mapping[str, np.ndarray],
+        there: np.ndarray | None = None,
     ) -> StackedPly:
         """Return a ply by its mesh.
 
         positions : of its nodes (F, node_count, 3) [m]. fields : of its elements, (F, m) or for
-            one frame (m,).
+            one frame (m,). there : in which frames it is there (F,), None for all.
         """
         faces = mesh.sheet_faces
         if faces.shape[1] == 3:
@@ -139,7 +142,16 @@ class StackedPly:
             areal_mass=np.atleast_2d(fields.get("areal_fibre_mass", without)),
             fibre_density=material.fibre_density,
             is_film=is_film(material),
+            there=there,
         )
+
+    def counts_in(self, frame: int) -> bool:
+        """Tell whether it counts in the sums of a frame."""
+        return not self.is_film and (self.there is None or bool(self.there[frame]))
+
+    def counted(self, values: np.ndarray) -> np.ndarray:
+        """Return values (F, m) with 0 in the frames in which it is not there."""
+        return values if self.there is None else values * self.there[:, np.newaxis]
 
     @cached_property
     def around(self) -> np.ndarray:
@@ -171,7 +183,10 @@ class Columns:
 
 
 def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
-    """Add up through the stack, films left out, at every face of every ply."""
+    """Add up through the stack, films left out, at every face of every ply.
+
+    A ply that is laid down later counts from then on; before, its faces tell what lies there.
+    """
     reach = REACH * sum(ply.initial_thickness for ply in plies)
     stay = [ply for ply in plies if not ply.is_film]
     has_thickness = all(ply.thickness is not None for ply in stay)
@@ -182,15 +197,17 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
         shape = ply.areal_mass.shape
         count = np.full(shape, 0 if ply.is_film else 1, dtype=np.int32)
         mass = ply.areal_mass.copy()
+        if ply.there is not None:
+            count, mass = ply.counted(count), ply.counted(mass)
         thickness = volume = None
         if has_thickness:
-            thickness = np.zeros(shape) if ply.is_film else ply.thickness.copy()  # type: ignore[union-attr]
+            thickness = np.zeros(shape) if ply.is_film else ply.counted(ply.thickness.copy())  # type: ignore[union-attr]
         if is_known:
-            volume = np.zeros(shape) if ply.is_film else ply.areal_mass / ply.fibre_density
+            volume = np.zeros(shape) if ply.is_film else mass / ply.fibre_density
         for other in stay:
             if other is ply:
                 continue
-            for frame in frames:
+            for frame in filter(other.counts_in, frames):
                 met = faces_met(ply, other, frame, reach)
                 there = met >= 0
                 count[frame] += there

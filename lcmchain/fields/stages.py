@@ -13,7 +13,7 @@ from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, Variable
-from lcmchain.scene.stages import stage_at
+from lcmchain.scene.stages import plies_there, stage_at
 from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
 
     ``/history`` gets ``stage``, the number of the stage that each frame belongs to, by its end at a
     border, and the end of every stage; the sheets get the ``springback`` of a stage that ends at
-    rest.
+    rest, if they were there before it.
     """
     if not scene.stages:
         return datasets
@@ -48,8 +48,13 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
     closed = _frame_before_rest(scene, times)
     if closed is None:
         return found
+    there = plies_there(scene, times[[closed]])
+    waiting = [name for name, is_there in there.items() if not is_there[0]]
     for name, group in datasets.items():
         mesh = _mesh_of(group)
+        # a ply that is laid down afterwards had no shape then, nor had the sheet of all plies
+        if waiting and name.strip("/") in ("", *waiting):
+            continue
         if mesh is not None:
             found[name] = _with_springback(group, mesh, closed)
     return found
@@ -123,9 +128,10 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
     Returns
     -------
     ``stages``: of every stage that has begun ``name``, ``start_s``, ``end_s`` and the ``tools`` at
-    work; of one that ends at rest ``rest`` with ``reached_s``, when it was reached, or None,
-    ``energy_part``, the last peak of the kinetic energy over what was stored, ``wanted``, the part
-    below which the sheet is at rest, ``stops``, and whether the stage ``ended``.
+    work; where plies are laid down later the ``plies`` that are there; of one that ends at rest
+    ``rest`` with ``reached_s``, when it was reached, or None, ``energy_part``, the last peak of the
+    kinetic energy over what was stored, ``wanted``, the part below which the sheet is at rest,
+    ``stops``, and whether the stage ``ended``.
     ``springback_max_m``, ``springback_mean_m`` of the last frame, where there is one.
     """
     if not model.stages:
@@ -138,6 +144,8 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
             "end_s": min(stage.end, state.time),
             "tools": [name for name, works in zip(model.tool_names, stage.tools_at_work) if works],
         }
+        if stage.absent is not None:
+            entry["plies"] = [b.name for b in model.bodies if not stage.absent[b.first_node]]
         if stage.rest_energy is not None:
             rest = state.rest[number]
             reached = float(rest[REST_TIME])

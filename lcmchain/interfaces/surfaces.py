@@ -170,13 +170,19 @@ def interfaces_of_stages(
     stages: Sequence[Sequence[Interface]],
     bodies: Sequence[Any],
     automatic_penalties: Sequence[float],
+    there: Sequence[Sequence[bool]] = (),
 ) -> list[PlyContact]:
     """Return the contact between plies in every stage; nothing where none ever touch.
 
     All stages have the same laws and interfaces; they differ in which interface two plies have, and
     what follows from it. Parameters and errors are those of :func:`build_interfaces`.
+
+    there : of every stage, whether each ply is there; one that is not touches none. All are
+        without it.
     """
     of_stages, entries = _interfaces(stages, [body.name for body in bodies])
+    for number, plies in enumerate(there):
+        of_stages[number][~np.outer(plies, plies)] = NONE
     interface = of_stages[0]
     if not entries:
         return []

@@ -29,7 +29,7 @@ from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.outline import outline_of
-from lcmchain.quantities.at_work import share_a_stage
+from lcmchain.quantities.at_work import AtWork, share_a_stage
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
 from lcmchain.scene.layup import angles_of
 from lcmchain.scene.names import no_such
@@ -96,6 +96,11 @@ class Ply(Blank):
         "diaphragm, a release film. It counts in no thickness, fibre volume fraction, mapping or "
         "infiltration of the preform.",
     )
+    stages: AtWork = Field(
+        default=None,
+        description="The stages of [[stages]] in which it is there, up to the last one: it is laid "
+        "down when the first of them begins. Left out, it is there from the start.",
+    )
 
     @field_validator("element", mode="before")
     @classmethod
@@ -125,6 +130,7 @@ class PlySettings:
     material_key : scene entry of the material, ``material`` or ``materials.biaxial``.
     element_key : scene entry of the element.
     film : whether it is taken off after forming.
+    stages : names of the stages in which it is there, None for all.
     """
 
     name: str
@@ -137,6 +143,7 @@ class PlySettings:
     material_key: str
     element_key: str
     film: bool = False
+    stages: tuple[str, ...] | None = None
 
     @property
     def thickness(self) -> float:
@@ -425,6 +432,7 @@ def stack_of(scene: Scene) -> Stack:
             material_key="material" if own is None else f"materials.{own}",
             element_key="element" if entry.element is None else f"{key}.element",
             film=entry.film,
+            stages=entry.stages,
         )
         height = entry.height if entry.height is not None else _height_on(laid, ply)
         laid.append(replace(ply, blank=entry.model_copy(update={"height": height})))
@@ -532,8 +540,17 @@ def check_stack(scene: Scene) -> None:
             )
     for index, upper in enumerate(stack):
         for under in stack[:index]:
-            _check_overlap(under, upper)
+            # one that is laid down on what is formed by then is looked at when it comes
+            if _come_together(under, upper, scene):
+                _check_overlap(under, upper)
     _check_interfaces(scene, stack)
+
+
+def _come_together(one: PlySettings, other: PlySettings, scene: Scene) -> bool:
+    """Tell whether two plies are there from the same stage on."""
+    every = {stage.name for stage in scene.stages}
+    first, second = (every if ply.stages is None else set(ply.stages) for ply in (one, other))
+    return first == second
 
 
 def _check_overlap(under: PlySettings, ply: PlySettings) -> None:

@@ -59,6 +59,7 @@ from lcmchain.scene.stages import (
     StagePlan,
     completed_stages,
     frame_times,
+    laid_later,
     require_no_stages,
     stage_plans,
 )
@@ -617,6 +618,13 @@ class Scene(SceneModel):
                 f'lets resin flow through all plies while they are formed, but "'
                 f'{self.stack.films[0].name}" is a film, through which none flows; leave the entry '
                 "out, and the formed stack is filled",
+                field=f"{key}.with_forming",
+            )
+        if later := laid_later(self):
+            raise wrong(
+                f"lets resin flow through all plies while they are formed, but "
+                f'"{later[0].name}" is laid down later, dry; leave its stages out, or leave the '
+                "entry out, and the formed stack is filled",
                 field=f"{key}.with_forming",
             )
         for below, ply in self.stack.lying_on_each_other():

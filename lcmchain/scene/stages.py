@@ -36,6 +36,7 @@ from lcmchain.scene.found_time import (
     why_time_is_needed,
 )
 from lcmchain.scene.names import no_such
+from lcmchain.scene.plies import PlySettings, Stack
 from lcmchain.scene.process import FOUND_TIME
 from lcmchain.scene.resin_stages import (
     require_no_places_of_stages,
@@ -57,7 +58,10 @@ PIECES = 32
 #: Directions whose unit vectors differ by less than this are one.
 PARALLEL = 1e-9
 #: Lists of entries that may be at work in some stages alone, and what one of them is called.
-LISTS = {"tools": "tool", "grippers": "gripper", "pressure": "pressure", "interfaces": "interface"}
+LISTS = {
+    "tools": "tool", "grippers": "gripper", "pressure": "pressure", "interfaces": "interface",
+    "plies": "ply",
+}  # fmt: skip
 
 
 class Stage(SceneModel):
@@ -120,6 +124,7 @@ class StagePlan(NamedTuple):
         that turns 0.
     grip_motions : of every gripper entry.
     tools, grippers, pressures, interfaces : whether each entry of the scene is at work.
+    plies : whether each ply of the stack is there.
     begins : for the grippers and pressures, when the run of stages began in which they are at work
         now [s], and how long its first stage takes [s].
     mass_damping : [1/s]. averaging : time over which the motion is averaged that damping leaves
@@ -137,6 +142,7 @@ class StagePlan(NamedTuple):
     grippers: tuple[bool, ...]
     pressures: tuple[bool, ...]
     interfaces: tuple[bool, ...]
+    plies: tuple[bool, ...]
     gripper_begins: tuple[tuple[float, float], ...]
     pressure_begins: tuple[tuple[float, float], ...]
     mass_damping: float
@@ -151,6 +157,33 @@ class StagePlan(NamedTuple):
 def at_work(entry: Any, stage: Stage) -> bool:
     """Tell whether an entry of the scene is at work in a stage."""
     return entry.stages is None or stage.name in entry.stages
+
+
+def laid_later(scene: Any) -> tuple[PlySettings, ...]:
+    """Return the plies of a scene that are not there from the start."""
+    if not scene.stages:
+        return ()
+    return tuple(ply for ply in scene.stack if not at_work(ply, scene.stages[0]))
+
+
+def stack_at(scene: Any, time: float) -> Stack:
+    """Return the plies of a scene that are there at a time [s] of the process."""
+    if not laid_later(scene):
+        return scene.stack
+    stage = scene.stages[stage_at(scene, time)]
+    return Stack(tuple(ply for ply in scene.stack if at_work(ply, stage)))
+
+
+def first_stage(scene: Any, ply: PlySettings) -> str:
+    """Return the name of the stage that a ply is laid down in."""
+    return next(stage.name for stage in scene.stages if at_work(ply, stage))
+
+
+def plies_there(scene: Any, times: Sequence[float] | np.ndarray) -> dict[str, np.ndarray]:
+    """Return whether each ply that is laid down later is there at the times [s], by its name."""
+    later = laid_later(scene)
+    stages = [scene.stages[stage_at(scene, time)] for time in times] if later else []
+    return {ply.name: np.array([at_work(ply, stage) for stage in stages]) for ply in later}
 
 
 def stage_at(scene: Any, time: float) -> int:
@@ -235,6 +268,7 @@ def completed_stages(scene: Any) -> dict[str, Any]:
             field="process.frames",
         )
     _require_names(scene)
+    _require_plies(scene)
     _require_motions(scene)
     require_resin(scene)
     done = tuple(_completed(scene, number) for number in range(len(stages)))
@@ -279,7 +313,7 @@ def stage_plans(scene: Any, written: Any) -> tuple[StagePlan, ...]:
     written : tables of the scene as they were before :func:`completed_stages`, by their names.
     """
     tools, grippers = written["tools"], scene.grippers
-    stages = scene.stages
+    stages, plies = scene.stages, scene.stack
     starts = [0.0, *accumulate(stage.time for stage in stages)]
     starts[-1] = scene.process.time
     plans: list[StagePlan] = []
@@ -308,6 +342,7 @@ def stage_plans(scene: Any, written: Any) -> tuple[StagePlan, ...]:
                 grippers=tuple(at_work(gripper, stage) for gripper in grippers),
                 pressures=tuple(at_work(entry, stage) for entry in scene.pressure),
                 interfaces=tuple(at_work(entry, stage) for entry in scene.interfaces),
+                plies=tuple(at_work(ply, stage) for ply in plies),
                 gripper_begins=tuple(_begin(g, stages, starts, number) for g in grippers),
                 pressure_begins=tuple(_begin(p, stages, starts, number) for p in scene.pressure),
                 mass_damping=rate,
@@ -372,6 +407,41 @@ def _require_names(scene: Any) -> None:
             if name not in movable:
                 key = f"{_key(scene, number)}.motions.{name}"
                 raise wrong(_no_such(name, movable, "tool or gripper"), field=key)
+
+
+def _require_plies(scene: Any) -> None:
+    """Refuse plies that go again or are the first to come, and loads on one before it is there."""
+    names = [stage.name for stage in scene.stages]
+    for number, ply in enumerate(scene.plies):
+        own = ply.stages or names
+        following = names[min(names.index(name) for name in own) :]
+        if missing := [name for name in following if name not in own]:
+            raise wrong(
+                f'leaves out "{missing[0]}", but a ply that has been laid down stays: name all '
+                f"stages from its first one on, {_quoted(following)}",
+                field=f'plies[{number}] "{ply.name}".stages',
+            )
+    later = {ply.name: ply for ply in laid_later(scene)}
+    if later and len(later) == len(scene.stack):
+        raise wrong(
+            f'names "{scene.stack[0].stages[0]}", but no ply is there in the stage "{names[0]}", '
+            "with which the process begins; leave stages out of one that is",
+            field=f"{scene.stack[0].key}.stages",
+        )
+    for kind in ("pressure", "grippers"):
+        for number, entry in enumerate(getattr(scene, kind)):
+            ply = later.get(entry.ply)
+            before = [s for s in scene.stages if ply and at_work(entry, s) and not at_work(ply, s)]
+            if ply is not None and before:
+                raise wrong(
+                    f'is at work in "{before[0].name}", but its ply "{ply.name}" is laid down '
+                    f"later; give stages = [{_quoted(ply.stages or ())}], or some of them",
+                    field=f'{kind}[{number}] "{entry.name}".stages',
+                )
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(f'"{name}"' for name in names)
 
 
 def _no_such(name: str, known: Sequence[str], what: str) -> str:

@@ -525,8 +525,8 @@ class Simulation:
         arrays: dict[str, Any] = {
             **self.model.nodes._asdict(), **self.state.as_dict(), **self._scratch.as_dict(),
         }  # fmt: skip
-        if self.model.supports is None:
-            arrays["free"] = self.model.nodes.free  # nothing that lets go changes it
+        if not self.model.lets_go:
+            arrays["free"] = self.model.nodes.free  # nothing changes it
         self._arrays = Arrays(**arrays)
 
     def _advance(self, step_count: int, step: float) -> None:
@@ -612,6 +612,8 @@ class Simulation:
         if stage is not None:
             reach[~stage.tools_at_work] = -np.inf
         find_near_nodes(self._arrays, model.tools, reach)
+        if stage is not None and stage.absent is not None:
+            state.near[:, stage.absent] = 0
 
     def _coming_tool_speed(self, tool: int, interval: float) -> float:
         """Return how fast a tool will move at most at the nodes [m/s]."""

@@ -18,6 +18,7 @@ from lcmchain.interfaces.forces import STEPS_LEFT
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.solver.guards import when
+from lcmchain.solver.laid_plies import lay_down, newcomers, require_clear
 from lcmchain.stages import StageTables
 from lcmchain.state import (
     CONTACT,
@@ -45,10 +46,12 @@ def is_over(model: Model, state: State) -> bool:
 def begin_first(model: Model, state: State) -> None:
     """Make a state at rest ready for the first stage.
 
-    Grippers that hold, and are not at work in it, let the nodes free.
+    Grippers that hold, and are not at work in it, let the nodes free. Plies that are laid down
+    later are held where they wait.
     """
     if model.supports is not None:
         state.gripped_at[:] = state.position
+    if model.lets_go:
         state.free[:] = model.stages[0].free(model.whole, state.support_let_go)
 
 
@@ -61,10 +64,14 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
 
     Raises
     ------
-    SimulationError : a tool that comes to work reaches into the sheet; the state is that before.
+    SimulationError : a tool that comes to work reaches into the sheet, or a ply that is laid down
+        lies in a tool or in another ply; the state is that before.
     """
     before, now = model.stages[model.stage], model.stages[number]
     overlap = _overlap_of_newcomers(model, state, before, now)
+    laid_down = newcomers(model, before, now)
+    if laid_down:
+        require_clear(model, state, before, now, laid_down)
     for tool in np.flatnonzero(before.tools_at_work & ~now.tools_at_work).tolist():
         _take_away(state, CONTACT, _take_contact_away(model, state, tool))
     _hold_guided(before, now, state)
@@ -74,7 +81,11 @@ def begin_stage(model: Model, state: State, number: int, arrays: object) -> Mode
     _begin_grippers(model, state, before, now)
     if model.supports is not None:
         state.gripped_at[:] = state.position
+    if model.lets_go:
         state.free[:] = now.free(model.whole, state.support_let_go)
+    if laid_down:
+        energy = lay_down(model, state, before, now, laid_down)
+        _take_away(state, CONTACT, -energy)
     if now.ply_contact is not None and before.ply_contact is not None:
         data = now.ply_contact.data
         if (data.interface != before.ply_contact.data.interface).any():
@@ -113,10 +124,11 @@ def _overlap_of_newcomers(
     """
     overlap = state.tool_start[:, START_OVERLAP].copy()
     thinnest = min(body.material.thickness for body in model.bodies)
-    positions, found = np.ascontiguousarray(state.position.T), []
+    there = slice(None) if now.absent is None else ~now.absent
+    positions, found = np.ascontiguousarray(state.position.T[there]), []
     for tool in np.flatnonzero(now.tools_at_work & ~before.tools_at_work).tolist():
         gap = gaps(model.tools, tool, positions, float(state.tool_travel[tool]))
-        gap = gap - model.nodes.offset
+        gap = gap - model.nodes.offset[there]
         deepest = int(np.argmin(gap))
         depth = -float(gap[deepest])
         if depth > OVERLAP_TOLERANCE * thinnest:
