@@ -37,7 +37,7 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
         scale = length_factor(length_unit)
     except QuantityError as error:
         raise InputError(f"length_unit of the tool's mesh: {error}", file=file) from None
-    points, triangles = read_triangles(Path(file))
+    points, triangles = read_triangles(Path(file), length_unit)
     points = points * scale
     points, triangles = weld(points, triangles, file)
     if blank is not None:
@@ -55,11 +55,16 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     return surface
 
 
-def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_triangles(file: Path, length_unit: str | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Read points in the unit of the file, shape [N, 3], and triangles, shape [T, 3].
 
     The file is read as targets of a mapping are; what the reader leaves out is a warning. Surface
     cells of any order are taken by their corners, quadrilaterals as two triangles.
+
+    Parameters
+    ----------
+    length_unit : that the file is going to be read with; a warning tells of a file that states
+        another one. None leaves it out.
 
     Raises
     ------
@@ -71,6 +76,7 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("the file is empty; export the tool's surface again", file=file)
     # Imported here: scenes without tools from files do without all readers.
     from lcmchain.mesh_files import read_mesh_file
+    from lcmchain.mesh_files.length_unit import stated_unit_hint
     from lcmchain.mesh_files.shapes import base_type
 
     mesh = read_mesh_file(file)
@@ -93,6 +99,8 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
         )
     for note in mesh.notes:
         warn(file, note)
+    if length_unit is not None and (hint := stated_unit_hint(mesh.unit, length_unit)) is not None:
+        warn(file, hint)
     if aside:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(aside.items()))
         warn(file, f"only triangles and quadrilaterals make a tool, left out are: {listed}")
