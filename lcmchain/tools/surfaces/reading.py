@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from lcmchain.tools.surfaces.welding import weld
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
 
-def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
+def read_surface(
+    file: Path, length_unit: str, blank: np.ndarray | None = None, *, union: bool = False
+) -> Surface:
     """Read the surface of a tool from an STL file, a deck, or any other mesh file.
 
     Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
@@ -27,11 +30,12 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     length_unit : unit of its coordinates, for example "mm".
     blank : points [m] of the blank at the start in the frame of the mesh, shape [point_count, 3],
         on whose side open surfaces are free; None leaves them as they are.
+    union : unite the solids of the file (:mod:`lcmchain.tools.surfaces.union`).
 
     Raises
     ------
     InputError
-        if the file is absent, broken, empty, without surface cells, or cannot be oriented.
+        if the file is absent, broken, empty, without surface cells, cannot be oriented or united.
     """
     try:
         scale = length_factor(length_unit)
@@ -43,6 +47,12 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     if blank is not None:
         _warn_of_size(points, blank, file, length_unit)
     triangles, orientation = oriented(points, triangles, file, blank)
+    if union:
+        # Imported here: few scenes unite solids.
+        from lcmchain.tools.surfaces.union import united
+
+        points, triangles, count = united(points, triangles, file)
+        orientation = replace(orientation, united=count)
     edge_of_side, _, edge_use = edges(triangles)
     surface = Surface(points, triangles, edge_of_side, edge_use, Path(file), orientation)
     if (edge_use > 2).any():
