@@ -120,7 +120,8 @@ def _take_nodes(deck: _Deck, block: Block) -> None:
             continue
         entries = [*line.fields(widths), "", "", ""][:4]
         number = line.wholes(widths[:1])[0] if "," not in line.text else int(line.real(entries[0]))
-        deck.nodes.append((number, *(line.real(entry) for entry in entries[1:4])))
+        x, y, z = (line.real(entry) for entry in entries[1:4])
+        deck.nodes.append((number, x, y, z))
         deck.node_places.append(line.place)
 
 
