@@ -35,6 +35,7 @@ FORMATS = {
     "gmsh": Format("Gmsh mesh", (".msh", ".gmsh")),
     "med": Format("MED file", (".med", ".rmed", ".mmed")),
     "netgen": Format("NETGEN mesh", (".vol",)),
+    "cgns": Format("CGNS file", (".cgns",)),
     "exodus": Format("Exodus file", (".e", ".ex2", ".exo", ".exii", ".g", ".gen")),
     "stl": Format("STL file", (".stl", ".stla", ".stlb")),
     "obj": Format("OBJ file", (".obj",)),
@@ -67,7 +68,7 @@ BY_ENDING = {
     ".vol": "netgen",
 }
 
-#: Files of HDF5 that are neither MED nor Exodus are named by their ending.
+#: Files of HDF5 that are none of MED, CGNS and Exodus are named by their ending.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _CLASSIC_NETCDF = re.compile(rb"CDF[\x01\x02\x05]")
 
@@ -99,6 +100,8 @@ _FOREIGN = (
      "export the mesh as Nastran or LS-DYNA"),
     ("Ansys deck", re.compile(rb"(?:![^\n]*\n|/COM[^\n]*\n|\s*\n)*/(?:PREP7|BATCH|TITLE)\b",
                               re.IGNORECASE), "export the mesh as Nastran, Abaqus or Universal"),
+    ("CGNS file in the old ADF form", re.compile(rb"[^\n]{0,8}ADF Database"),
+     "convert it with adf2hdf"),
     ("zip archive", re.compile(rb"PK\x03\x04"), "unpack it; of 3MF, export STL"),
     ("compressed file", re.compile(rb"\x1f\x8b|BZh|\xfd7zXZ"), "unpack it"),
 )  # fmt: skip
@@ -198,7 +201,7 @@ def ending_that_disagrees(path: Path, name: str) -> str | None:
 
 
 def _of_hdf5(path: Path) -> str:
-    """Tell MED and Exodus apart; "" for others and broken ones, whose reader names the damage."""
+    """Tell MED, CGNS and Exodus apart; "" for others and broken ones."""
     import h5py
     import netCDF4
 
@@ -206,6 +209,8 @@ def _of_hdf5(path: Path) -> str:
         with h5py.File(path, "r") as file:
             if "ENS_MAA" in file:
                 return "med"
+            if "CGNSLibraryVersion" in file:
+                return "cgns"
     except Exception:  # h5py raises what the damage makes of the file
         pass  # or a classic netCDF file
     try:

@@ -13,6 +13,7 @@ from lcmchain.mesh_files.file_mesh import FileMesh
 from lcmchain.mesh_files.formats import ending_that_disagrees, format_of, known_formats
 from lcmchain.mesh_files.readers.abaqus import read_abaqus
 from lcmchain.mesh_files.readers.by_meshio import read_by_meshio
+from lcmchain.mesh_files.readers.cgns import read_cgns
 from lcmchain.mesh_files.readers.exodus import read_exodus
 from lcmchain.mesh_files.readers.gmsh import read_gmsh
 from lcmchain.mesh_files.readers.lsdyna import read_lsdyna
@@ -31,6 +32,7 @@ READERS: dict[str, Callable[[Path], FileMesh]] = {
     "gmsh": read_gmsh,
     "med": read_med,
     "exodus": read_exodus,
+    "cgns": read_cgns,
     "obj": read_obj,
     "ply": read_ply,
     "lsdyna": read_lsdyna,
@@ -49,7 +51,7 @@ def read_mesh_file(path: Path) -> FileMesh:
     Parameters
     ----------
     path : a deck of Abaqus, CalculiX, Nastran or LS-DYNA, a Universal file, a file of Gmsh, MED,
-        NETGEN or Exodus, or any other mesh file that meshio reads.
+        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads.
 
     Raises
     ------

@@ -23,7 +23,7 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
     Parameters
     ----------
     path : a deck of Abaqus, CalculiX, Nastran or LS-DYNA, a Universal file, a file of Gmsh, MED,
-        NETGEN or Exodus, or any other mesh file that meshio reads.
+        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads.
     kind : ``"infiltration"`` takes triangles and quadrilaterals; ``"structure"`` takes solids
         where the file has them (its surface cells are then boundary patches), else shells.
     length_unit : unit of the coordinates in the file.

@@ -23,6 +23,7 @@ from lcmchain.mapping.structure.stage import open_mapped
 from lcmchain.mesh_files.meshio_names import ADDED, is_known_to_vtk
 from lcmchain.mesh_files.readers import (
     abaqus_elements,
+    cgns,
     exodus,
     gmsh_sections,
     lsdyna,
@@ -103,6 +104,7 @@ def types_of_readers():
         },
         "Gmsh": {kind.name for kind in gmsh_sections.KINDS.values()},
         "MED": set(med._TYPES.values()),
+        "CGNS": {name for name, _ in cgns._TYPES.values()},
         "Exodus": {name for shapes in exodus._SHAPES.values() for name in shapes.values()},
         "meshio": of_meshio(),
     }  # fmt: skip
