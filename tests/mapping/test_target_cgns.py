@@ -60,7 +60,7 @@ def written(path, zones=1, kind="Unstructured", unit="Millimeter"):
             node(condition(conditions, "BC1", "CellCenter", PointList=[2]), "FamilyName",
                  "FamilyName_t", "F1")  # fmt: skip
             condition(conditions, "edge", "EdgeCenter", PointRange=[4, 5])
-            condition(conditions, "points", "", PointList=[1, 4])
+            condition(conditions, "points", "", PointList=[1, 4, 9])
             condition(conditions, "lost", "FaceCenter", PointList=[3, 6])
     return path
 
@@ -79,7 +79,8 @@ def test_mixed_sections_and_conditions(tmp_path):
     assert nodes == {"points": [0, 3], "rim": [0, 1, 2], "edge": [0, 1, 2]}
     assert target.ignored == {"line": 2, "NGON": 2}
     said = " | ".join(target.notes)
-    assert "lost lists 1 elements that are left aside" in said and "length_unit" not in said
+    assert "lost lists 1 elements that are left aside" in said
+    assert "points lists 1 nodes that do not exist" in said and "length_unit" not in said
 
 
 def test_zones_stand_side_by_side(tmp_path):

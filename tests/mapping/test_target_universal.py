@@ -132,26 +132,29 @@ def units(code, factor):
     )  # fmt: skip
 
 
+BEAMS = dataset(
+    2412, whole(7, 94, 3, 1, 7, 4), whole(11, 12, 13, 14),
+    whole(21, 21, 5, 1, 7, 2), whole(0, 1, 1), whole(11, 12),
+    whole(22, 11, 5, 1, 7, 2), whole(12, 13),  # a rod without a line of its own
+    whole(23, 24, 5, 1, 7, 3), whole(0, 1, 1), whole(13, 14, 11),
+    whole(8, 91, 4, 1, 7, 3), whole(11, 12, 13),
+)  # fmt: skip
+GROUPS = dataset(
+    2467, whole(1, 0, 0, 0, 0, 0, 0, 3), "GATE",
+    whole(7, 12, 0, 0, 7, 11, 0, 0), whole(7, 99, 0, 0),
+    whole(2, 0, 0, 0, 0, 0, 0, 2), "STIFFENER", whole(8, 21, 0, 0, 8, 23, 0, 0),
+    whole(3, 0, 0, 0, 0, 0, 0, 3), "BOTH",
+    whole(8, 8, 0, 0, 7, 14, 0, 0), whole(5, 1, 0, 0),
+) + dataset(2429, whole(4, 0, 0, 0, 0, 0, 0, 5), "OLD", whole(8, 7, 8, 8, 7, 11, 7, 12),
+            whole(7, 13))  # fmt: skip
+PART = (
+    dataset(151, "a header", "-1 is no delimiter here") + units(5, 1e3) + NODES + BEAMS + GROUPS
+    + dataset(2414, whole(1), "results")
+)  # fmt: skip
+
+
 def test_numbers_properties_and_groups_are_kept(tmp_path):
-    beams = dataset(
-        2412, whole(7, 94, 3, 1, 7, 4), whole(11, 12, 13, 14),
-        whole(21, 21, 5, 1, 7, 2), whole(0, 1, 1), whole(11, 12),
-        whole(22, 11, 5, 1, 7, 2), whole(12, 13),  # a rod without a line of its own
-        whole(23, 24, 5, 1, 7, 3), whole(0, 1, 1), whole(13, 14, 11),
-        whole(8, 91, 4, 1, 7, 3), whole(11, 12, 13),
-    )  # fmt: skip
-    groups = dataset(
-        2467, whole(1, 0, 0, 0, 0, 0, 0, 3), "GATE",
-        whole(7, 12, 0, 0, 7, 11, 0, 0), whole(7, 99, 0, 0),
-        whole(2, 0, 0, 0, 0, 0, 0, 2), "STIFFENER", whole(8, 21, 0, 0, 8, 23, 0, 0),
-        whole(3, 0, 0, 0, 0, 0, 0, 3), "BOTH",
-        whole(8, 8, 0, 0, 7, 14, 0, 0), whole(5, 1, 0, 0),
-    ) + dataset(2429, whole(4, 0, 0, 0, 0, 0, 0, 5), "OLD", whole(8, 7, 8, 8, 7, 11, 7, 12),
-                whole(7, 13))  # fmt: skip
-    (tmp_path / "part.unv").write_text(
-        dataset(151, "a header", "-1 is no delimiter here") + units(5, 1e3) + NODES + beams
-        + groups + dataset(2414, whole(1), "results"), newline="\r\n",
-    )  # fmt: skip
+    (tmp_path / "part.unv").write_text(PART, newline="\r\n")
     target = read_target(tmp_path / "part.unv", length_unit="mm")
     np.testing.assert_allclose(target.points, 1e-3 * np.array(SQUARE), atol=1e-15)
     assert [(name, nodes.tolist()) for name, nodes in target.blocks] == [

@@ -95,7 +95,8 @@ class _Reader:
         points = []
         for name, zone in zones:
             points.append(self._points(zone, name))
-            self._take(zone, f"{name}." if len(zones) > 1 else "", sum(map(len, points[:-1])))
+            prefix = f"{name}." if len(zones) > 1 else ""
+            self._take(zone, prefix, sum(map(len, points[:-1])), len(points[-1]))
         if not points:
             raise InputError("the file has no zones, so no mesh", file=path)
         self.mesh.points = np.concatenate(points)
@@ -123,7 +124,7 @@ class _Reader:
                 return np.stack([*placed, *[0.0 * placed[0]] * (3 - len(placed))], axis=1)
         raise InputError(f"the zone {name} has no coordinates x and y", file=self.path)
 
-    def _take(self, zone: Any, prefix: str, first_node: int) -> None:
+    def _take(self, zone: Any, prefix: str, first_node: int, node_count: int) -> None:
         """Take sections and boundary conditions of a zone; its elements are numbered from 1."""
         rows_of = np.full(1, -1, dtype=np.int64)
         sections = sorted(
@@ -138,6 +139,12 @@ class _Reader:
             for kind, ordinals, nodes in self._elements(section, last + 1 - first):
                 row = self.mesh.cell_count
                 name_of_type = _TYPES[kind][0]
+                if ((nodes < 1) | (nodes > node_count)).any():
+                    raise InputError(
+                        f"the section {name} has nodes that do not exist; the file is incomplete, "
+                        "export it again",
+                        file=self.path,
+                    )
                 table = nodes[:, _order(name_of_type, nodes.shape[1])] - 1 + first_node
                 self.mesh.blocks.append((name_of_type, table))
                 rows_of[first + ordinals] = row + np.arange(len(table))
@@ -147,7 +154,7 @@ class _Reader:
             self.mesh.cell_ids = numbers[np.argsort(rows_of[numbers])]
         for _, conditions in _children(zone, "ZoneBC_t"):
             for name, condition in _children(conditions, "BC_t"):
-                self._take_condition(name, condition, rows_of, first_node)
+                self._take_condition(name, condition, rows_of, first_node, node_count)
 
     def _elements(self, section: Any, count: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         """Type, places in the section and nodes of the elements of a section."""
@@ -170,7 +177,7 @@ class _Reader:
             self.mesh.left_aside[called] = self.mesh.left_aside.get(called, 0) + count
 
     def _take_condition(
-        self, name: str, condition: Any, rows_of: np.ndarray, first_node: int
+        self, name: str, condition: Any, rows_of: np.ndarray, first_node: int, node_count: int
     ) -> None:
         """Keep a boundary condition as a set by the name of its family, else its own."""
         family = next((_text(of) for _, of in _children(condition, "FamilyName_t")), "")
@@ -186,13 +193,14 @@ class _Reader:
                 of_elements |= entry.startswith("Element")
         every = np.concatenate(numbers)
         if of_elements:
-            rows = rows_of[every[(every > 0) & (every < len(rows_of))]]
-            lost = len(every) - int((rows >= 0).sum())
-            if lost:
-                self.mesh.notes_of_sets.append(f"{name} lists {lost} elements that are left aside")
-            sets, rows = self.mesh.cell_sets, rows[rows >= 0]
+            sets, rows = self.mesh.cell_sets, rows_of[every[(every > 0) & (every < len(rows_of))]]
+            rows = rows[rows >= 0]
         else:
-            sets, rows = self.mesh.node_sets, every - 1 + first_node
+            rows = every[(every > 0) & (every <= node_count)] - 1 + first_node
+            sets = self.mesh.node_sets
+        if len(rows) < len(every):
+            what = "elements that are left aside" if of_elements else "nodes that do not exist"
+            self.mesh.notes_of_sets.append(f"{name} lists {len(every) - len(rows)} {what}")
         sets[name] = np.union1d(sets.get(name, NO_IDS), rows)
 
 

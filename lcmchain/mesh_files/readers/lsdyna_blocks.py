@@ -143,7 +143,7 @@ class _Deck:
                 block = _opened(text, format, place)
                 if block.keyword == "END":
                     return
-                if block.keyword.split()[0] == "KEYWORD":
+                if block.keyword.startswith("KEYWORD"):
                     format = _format(text, format)
             elif text.startswith("-----BEGIN PGP"):
                 raise place.error("is encrypted; ask for the mesh as plain text")

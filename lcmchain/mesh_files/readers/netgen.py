@@ -65,6 +65,12 @@ def read_netgen(path: Path) -> FileMesh:
     if aside:
         mesh.left_aside["line"] = aside
     for section, elements in runs:
+        if any(not 0 <= node < len(points) for _, nodes in elements for node in nodes):
+            raise InputError(
+                f"elements of the section {section} have points that do not exist; the file is "
+                "incomplete, export it again",
+                file=path,
+            )
         solid = section in _SOLIDS or dimension == 2  # faces are the material of a plane mesh
         called = names["materials" if solid else "bcnames"]
         _add(mesh, elements, called, "material" if solid else "boundary", section in _SOLIDS)
