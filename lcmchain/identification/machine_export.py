@@ -362,7 +362,7 @@ def _own_table(specimens: Sequence[Specimen], chosen: Mapping[str, int], path: P
         cells = [row[place] for one in specimens for row in one.rows]
         columns.append(_with_points(cells, first.names[place], path))
     headers.append("specimen")
-    columns.append([f"{n:06d}" for n, one in enumerate(specimens) for _ in one.rows])
+    columns.append([f"{n:06d}" for n, one in enumerate(specimens, 1) for _ in one.rows])
     lines = np.array([line for one in specimens for line in one.lines])
     left = tuple(name for place, name in enumerate(first.names) if place not in chosen.values())
     return Table(tuple(headers), np.array(columns, dtype=object).T, lines, left)
