@@ -102,7 +102,8 @@ def read_coupon(
         path, layouts, minimum_rows=minimum_rows, texts=(_SPECIMEN,), plain=(_TIME,),
         table=_table(path, layouts, columns),
     )  # fmt: skip
-    specimen, names = np.zeros(len(read.lines), dtype=int), ()
+    specimen = np.zeros(len(read.lines), dtype=int)
+    names: tuple[str, ...] = ()
     if _SPECIMEN in read.texts:
         unique, specimen = np.unique(read.texts[_SPECIMEN], return_inverse=True)
         names = tuple(str(name) for name in unique)
