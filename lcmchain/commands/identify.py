@@ -82,6 +82,13 @@ def identify_shear(
     length: Annotated[str | None, _size("--length", "320 mm")] = None,
     width: Annotated[str | None, _size("--width", "160 mm")] = None,
     thickness: FabricThickness = None,
+    test: Annotated[
+        str, typer.Option(help="bias-extension, or picture-frame (--side).")
+    ] = "bias-extension",
+    side: Annotated[str | None, _size("--side", "200 mm")] = None,
+    measured_angle: Annotated[
+        bool, typer.Option("--measured-angle", help="Take the shear angle, not the displacement.")
+    ] = False,
     method: Annotated[
         str, typer.Option(help="force: fit the force; recursion: Eq. (22); printed: as printed.")
     ] = "force",
@@ -95,14 +102,15 @@ def identify_shear(
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
-    """Shear polynomial from bias-extension tests: displacement, force."""
+    """Shear polynomial from bias extension or picture frame: displacement or angle, force."""
     from lcmchain.identification.from_file import identify_shear_file
 
-    sizes = {"length": length, "width": width, "thickness": thickness}
+    sizes = {"length": length, "width": width, "side": side, "thickness": thickness}
     _report_identification(
         data, out, lambda: identify_shear_file(
-            data, sizes, columns=columns, method=method, convention=convention,
-            noise_floor=noise_floor, accept=accept, rows=_rows(zero, without, ranges),
+            data, sizes, columns=columns, method=method, convention=convention, test=test,
+            measured_angle=measured_angle, noise_floor=noise_floor, accept=accept,
+            rows=_rows(zero, without, ranges),
         ),
     )  # fmt: skip
 
@@ -175,7 +183,7 @@ def identify_compaction(
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
-    """Compaction law from plate-to-plate tests: thickness, pressure (and shear angle)."""
+    """Compaction law from plate-to-plate tests: thickness or fibre volume fraction, pressure."""
     from lcmchain.identification.from_file import identify_compaction_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -36,7 +36,14 @@ from lcmchain.identification.events import (
     met_zero,
 )
 from lcmchain.identification.result import Identification, LeftOut, Points
-from lcmchain.quantities.units import ANGLE, LENGTH, QuantityError, parse_quantity
+from lcmchain.quantities.units import (
+    ANGLE,
+    FRACTION,
+    LENGTH,
+    QuantityError,
+    parse_fraction,
+    parse_quantity,
+)
 
 ZERO, WITHOUT, RANGE = "--zero", "--without", "--range"
 CONTACT, PRELOAD = "contact", "preload"
@@ -52,6 +59,7 @@ _RANGE = re.compile(
 SHOWN = {
     "displacement": ("displacement [mm]", "mm", 1e3),
     "thickness": ("thickness [mm]", "mm", 1e3),
+    "fibre volume fraction": ("fibre volume fraction", "%", 100.0),
     "shear angle": ("shear angle [deg]", "deg", 180.0 / math.pi),
     "force": ("force [N]", "N", 1.0),
     "pressure": ("pressure [MPa]", "MPa", 1e-6),
@@ -79,11 +87,13 @@ class Axes(NamedTuple):
     """Columns of a kind of tests: what is driven, and what bears.
 
     remembers : whether a row depends on all rows before, so that none of these may go.
+    drawn : column of the diagrams, and what turns the driven column into it, where it is another.
     """
 
     driven: Column
     load: Column
     remembers: bool = False
+    drawn: tuple[str, Callable[[np.ndarray], np.ndarray]] | None = None
 
     @property
     def is_travel(self) -> bool:
@@ -146,11 +156,12 @@ def with_left_out(
     """Return a result that lists and draws the rows which did not enter it."""
     if not left_out:
         return result
-    x_label, _, x_factor = SHOWN[axes.driven.name]
+    name, turned = axes.drawn or (axes.driven.name, np.asarray)
+    x_label, _, x_factor = SHOWN[name]
     y_label, _, y_factor = SHOWN[axes.load.name]
     grey = tuple(
-        Points(x_factor * one.driven, y_factor * one.load, one.why) for one in left_out
-    )  # fmt: skip
+        Points(x_factor * turned(one.driven), y_factor * one.load, one.why) for one in left_out
+    )
     panels = tuple(
         replace(panel, left_out=grey)
         if (panel.x_label, panel.y_label) == (x_label, y_label) else panel
@@ -225,7 +236,10 @@ class _Work:
         return " or ".join([*words, f'"{load.name}={load.dimension.example}"'])
 
     def _shift_by(self, name: str, text: str) -> None:
-        columns = {column.name: column for column in (self.axes.driven, self.axes.load)}
+        columns = {
+            column.name: column for column in (self.axes.driven, self.axes.load)
+            if column.dimension is not FRACTION
+        }  # fmt: skip
         if name not in columns:
             raise InputError(
                 f'"{name}" has no zero here; write {" or ".join(columns)}',
@@ -395,15 +409,16 @@ class _Work:
                     self.leave_out(side, OUTSIDE)
 
     def _example(self) -> str:
-        return "40 deg" if self.axes.driven.dimension is ANGLE else "40 mm"
+        return {ANGLE: "40 deg", FRACTION: "55 %"}.get(self.axes.driven.dimension, "40 mm")
 
     def _range(self, text: str) -> tuple[np.ndarray, float, float, bool]:
         """Return rows and ends [SI] of a range, and whether it leaves out the beginning."""
         match = _RANGE.fullmatch(text.strip())
         if match is None:
             raise InputError(
-                f'"{text}" is no range of the {self.axes.driven.name}; write "2 mm to 40 mm", '
-                '"up to 40 mm" or "from 2 mm", with "NAME: " ahead for one specimen',
+                f'"{text}" is no range of the {self.axes.driven.name}; write "up to '
+                f'{self._example()}", "from ..." or "... to ...", with "NAME: " ahead for one '
+                "specimen",
                 key=RANGE,
             )
         start, end = match["start"] or match["low"], match["upto"] or match["high"]
@@ -419,6 +434,8 @@ class _Work:
 
     def _place(self, text: str) -> float:
         try:
+            if self.axes.driven.dimension is FRACTION:
+                return parse_fraction(text.strip())
             return parse_quantity(text.strip(), self.axes.driven.dimension, is_size=False)
         except QuantityError as error:
             raise InputError(

@@ -65,6 +65,11 @@ SIZES: dict[str, tuple[Dimension, Any, str]] = {
 
 
 NOTHING_ASKED = Wish()
+#: Tests that tell the shear polynomial, and the sizes of their specimens.
+TESTS = {
+    "bias-extension": ("length", "width", "thickness"),
+    "picture-frame": ("side", "thickness"),
+}
 
 
 def identify_shear_file(
@@ -77,9 +82,13 @@ def identify_shear_file(
     noise_floor: float = 0.01,
     accept: bool = False,
     rows: Wish = NOTHING_ASKED,
+    test: str = "bias-extension",
+    measured_angle: bool = False,
 ) -> Identification:
     """Identify the shear polynomial from a file; ``sizes``: length, width, thickness as text.
 
+    ``test``: ``"bias-extension"``, or ``"picture-frame"`` with the sizes side and thickness.
+    ``measured_angle`` takes a column ``shear angle`` also where there is a displacement.
     ``rows``: zeros, slip and tear, and range (:mod:`lcmchain.identification.entering_rows`).
 
     ``accept`` takes the fit as it is where the law does not describe the data.
@@ -92,20 +101,42 @@ def identify_shear_file(
     _require_choice("--method", method, shear.METHODS)
     _require_choice("--convention", convention, ("engineering", "tensor"))
     _require_fraction("--noise-floor", noise_floor)
-    values, inputs = _sizes(sizes, ("length", "width", "thickness"))
-    try:
-        specimen = BiasExtension(**values)
-    except InputError as error:
-        raise InputError(error.message, key="--length and --width") from None
+    _require_choice("--test", test, TESTS)
+    values, inputs = _sizes(_suited(sizes, TESTS[test]), TESTS[test])
+    specimen: shear.Specimen
+    if test == "picture-frame":
+        specimen = PictureFrame(**values)
+        if method != "force":
+            raise InputError("a picture frame needs no recursion", key="--method")
+    else:
+        try:
+            specimen = BiasExtension(**values)
+        except InputError as error:
+            raise InputError(error.message, key="--length and --width") from None
     inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
-    data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS, columns=columns)
+    layouts = shear.ANGLE_COLUMNS if measured_angle else (*shear.COLUMNS, *shear.ANGLE_COLUMNS)
+    data = read_coupon(path, layouts, minimum_rows=shear.MINIMUM_ROWS, columns=columns)
+    axes = Axes(*(shear.COLUMNS if "displacement" in data else shear.ANGLE_COLUMNS)[0])
     return _fitted(
         lambda kept, told: shear.identify_shear(
             kept, specimen, method=method, convention=convention, noise_floor=noise_floor,
             inputs=told, accept=accept,
         ),
-        data, _with_file(inputs, data), rows, Axes(*shear.COLUMNS[0]), shear.MINIMUM_ROWS,
+        data, _with_file(inputs, data), rows, axes, shear.MINIMUM_ROWS,
     )  # fmt: skip
+
+
+def _suited(sizes: Mapping[str, str | None], names: tuple[str, ...]) -> Mapping[str, str | None]:
+    """Return sizes of which none is given that a test does not have.
+
+    Raises
+    ------
+    InputError : one is.
+    """
+    for name, text in sizes.items():
+        if text is not None and name not in names:
+            raise InputError("is no size of this --test", key="--" + name.replace("_", "-"))
+    return sizes
 
 
 def identify_viscous_file(
@@ -181,7 +212,8 @@ def identify_compaction_file(
 
     A file with a column ``shear angle`` tells the shear-compaction coupling too: one exponent, or
     with ``table`` pressures at every angle. A file with a column ``time`` whose tests hold their
-    gap in the end tells what relaxes.
+    gap in the end tells what relaxes. A column ``fibre volume fraction`` may stand in place of the
+    thickness.
 
     ``accept`` takes the fit as it is where the law does not describe the data.
 
@@ -192,8 +224,16 @@ def identify_compaction_file(
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
-    layouts = (*sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS)
+    layouts = (
+        *sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS, *compaction.FRACTION_COLUMNS,
+    )  # fmt: skip
     data = read_coupon(path, layouts, minimum_rows=compaction.MINIMUM_ROWS, columns=columns)
+    solid_height = values["areal_mass"] / values["fibre_density"]
+    axes = Axes(*compaction.COLUMNS[0])
+    if "thickness" not in data:
+        data = compaction.with_thickness(data, solid_height)
+        drawn = ("thickness", lambda fraction: solid_height / fraction)
+        axes = Axes(*compaction.FRACTION_COLUMNS[0], drawn=drawn)
     identify, remembers = compaction.identify_compaction, False
     if sheared_compaction.SHEAR_ANGLE in data:
         identify = sheared_compaction.identify_sheared_compaction
@@ -207,11 +247,10 @@ def identify_compaction_file(
         )
     return _fitted(
         lambda kept, told: identify(
-            kept, thickness=values["thickness"],
-            solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
-            inputs=told, accept=accept,
+            kept, thickness=values["thickness"], solid_height=solid_height,
+            noise_floor=noise_floor, inputs=told, accept=accept,
         ),
-        data, _with_file(inputs, data), rows, Axes(*compaction.COLUMNS[0], remembers=remembers),
+        data, _with_file(inputs, data), rows, axes._replace(remembers=remembers),
         compaction.MINIMUM_ROWS,
     )  # fmt: skip
 

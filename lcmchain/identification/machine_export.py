@@ -21,7 +21,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.csv_columns import MOST_BYTES, Column, Table
-from lcmchain.quantities.units import QuantityError, parse_quantity
+from lcmchain.quantities.units import FRACTION, QuantityError, parse_quantity
 
 #: The option that confirms what the columns of an export are.
 OPTION = "--columns"
@@ -37,6 +37,7 @@ WORDS = {
     "temperature": "temperature temperatur température temperatura temperatuur",
     "thickness": "thickness gap dicke spalt épaisseur entrefer espesor spessore dikte",
     "pressure": "pressure stress druck spannung pression contrainte presión pressione druk",
+    "fibre volume fraction": "fraction volumenanteil faservolumengehalt fvg fvf vf",
     "shear angle": "shear scher schub cisaillement cizalladura cizallamiento taglio afschuif",
     "shear stress": "shear schub scher cisaillement cizalladura cizallamiento taglio afschuif",
     "angle": "angle winkel ángulo angolo hoek",
@@ -290,6 +291,8 @@ def _recognised(
 
 
 def _has_dimension(unit: str, column: Column) -> bool:
+    if column.dimension is FRACTION:
+        return unit in ("", "-", "1", "%")
     try:
         parse_quantity(f"1 {_spelled(unit)}", column.dimension)
     except QuantityError:
