@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from lcmchain.commands.folders import output_folder
 from lcmchain.commands.terminal import quantity, say, warn
 from lcmchain.errors import InputError
-
-if TYPE_CHECKING:
-    from lcmchain.coupling.infiltration.foreign_case import ForeignCase
 
 import_app = typer.Typer(no_args_is_help=True, help="Take over a filling case of RTMsim or LCMsim.")
 
@@ -63,7 +60,7 @@ def _require_file(path: Path) -> None:
         raise InputError("there is no such file", file=path)
 
 
-def _write(case: ForeignCase, out: Path, inputs: list[Path | None]) -> None:
+def _write(case: Any, out: Path, inputs: list[Path | None]) -> None:
     from lcmchain.atomic import replacing
     from lcmchain.coupling.infiltration.foreign_case import case_text
     from lcmchain.scene.infiltration_file import infiltration_from_text
