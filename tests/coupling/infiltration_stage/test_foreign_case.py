@@ -214,6 +214,7 @@ def test_a_table_of_lcmsim_gives_its_parts_their_cells_and_properties(tmp_path, 
     assert np.unique(setup.mesh.points[setup.gates[0].nodes, 0]) == pytest.approx([0.0, EDGE])
     assert np.unique(setup.mesh.points[setup.vents[0].nodes, 0]) == pytest.approx([0.275, 0.3])
     assert setup.resin_density == 960.0 and case.gates[0].pressure == (1.91e5,)
+    assert not any("stays as mapped" in warning for warning in setup.warnings)
     words = " | ".join(found.told)
     for name in ("permeability_noise of patch", "porosity_1", "thickness_DM", "rho_0_air"):
         assert name in words
