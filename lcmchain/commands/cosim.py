@@ -13,7 +13,6 @@ import typer
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.options import Overrides, Strict
 from lcmchain.commands.terminal import console, progress_bar, require_none, say, warn
-from lcmchain.coupling.cosimulation.ssp_names import STRUCTURE_FILE
 from lcmchain.errors import InputError
 
 SSP_SUFFIX, SSD_SUFFIX = ".ssp", ".ssd"
@@ -103,6 +102,8 @@ def _file_of(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
+    from lcmchain.coupling.cosimulation.ssp_names import STRUCTURE_FILE
+
     found = [path / STRUCTURE_FILE] if (path / STRUCTURE_FILE).is_file() else []
     found = found or sorted(path.glob(f"*{SSD_SUFFIX}"))
     if len(found) == 1:
