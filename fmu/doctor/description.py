@@ -129,6 +129,12 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
             "it takes steps of one size only (canHandleVariableCommunicationStepSize)",
             "give the system a constant step",
         )  # fmt: skip
+    if "fixedInternalStepSize" in description.abilities:
+        yield Finding(
+            Level.NOTE, "abilities",
+            f"it computes in steps of {description.abilities['fixedInternalStepSize']} s "
+            "(fixedInternalStepSize): in shorter windows its outputs change now and then only",
+        )  # fmt: skip
     if description.can("canBeInstantiatedOnlyOncePerProcess"):
         yield Finding(
             Level.NOTE, "abilities",

@@ -276,6 +276,14 @@ def test_a_unit_for_one_instance_per_process_is_one_for_the_master_too(tmp_path)
     assert any("gives each a process of its own" in f.text for f in told(diagnosis, Level.NOTE))
 
 
+def test_the_step_of_a_unit_is_told_as_the_master_tells_it(tmp_path):
+    own = f'{ABILITIES} fixedInternalStepSize="1e-3"'
+    diagnosis = examine(make_unit(tmp_path / "a.fmu", abilities=own, version="3.0", rows=TIME))
+    (note,) = [f for f in told(diagnosis, Level.NOTE) if f.subject == "abilities"
+               and "fixedInternalStepSize" in f.text]  # fmt: skip
+    assert "steps of 1e-3 s" in note.text
+
+
 def test_program_that_a_unit_starts_must_be_there(tmp_path):
     for number, (program, is_there) in enumerate([("no-such-program", False), ("sh", True)]):
         launch = f'backend = "grpc"\n[grpc]\nlinux = ["{program}", "x"]\nwindows = ["cmd"]\n'

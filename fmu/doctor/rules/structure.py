@@ -48,7 +48,7 @@ def initial_unknowns(interface: Interface) -> Iterator[str]:
     listed = interface.unknowns("InitialUnknown")
     derivatives = {unknown.of for unknown in interface.unknowns("ContinuousStateDerivative")}
     dynamic = derivatives | set(interface.states)
-    clocked = [e for e in interface.variables if "clocks" in e.attributes or e.kind == "Clock"]
+    clocked = {e for e in interface.variables if "clocks" in e.attributes or e.kind == "Clock"}
     wanted = [
         entry for entry in interface.variables
         if entry not in clocked and (

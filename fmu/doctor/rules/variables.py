@@ -236,13 +236,15 @@ def names(interface: Interface) -> Iterator[str]:
     "FMI 2.0.5, 2.2.7; FMI 3.0.2, 2.4.7.4",
 )
 def value_references(interface: Interface) -> Iterator[str]:
+    same: defaultdict[int, list[Entry]] = defaultdict(list)
     for entry in interface.variables:
-        if not 0 <= entry.reference < 2**32:
+        if 0 <= entry.reference < 2**32:
+            same[entry.reference].append(entry)
+        else:
             yield f"{entry} has no value reference"
-    if interface.is_three:
-        for reference in repeated(e.reference for e in interface.variables if e.reference >= 0):
-            same = [str(entry) for entry in interface.variables if entry.reference == reference]
-            yield f"{reference} is that of {' and '.join(same[:3])}"
+    for reference, group in same.items():
+        if interface.is_three and len(group) > 1:
+            yield f"{reference} is that of {' and '.join(map(str, group[:3]))}"
 
 
 @rule(
