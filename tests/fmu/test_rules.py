@@ -16,6 +16,8 @@ from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.doctor.description import MOST_TOLD, findings_of, read_description
 from lcmchain.fmu.doctor.rules import RULES, broken_rules
+from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration_variables import MOTIONS
 from lcmchain.manual.contents import read_page
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -64,6 +66,19 @@ def test_units_with_all_that_can_be_asked_for_keep_the_rules(patch_file, tmp_pat
     root = description_of(unit)
     assert broken_rules(root) == []
     assert len(root.find("ModelVariables")) > 60
+
+
+@pytest.mark.skipif(not EXAMPLES.is_dir(), reason="needs the checkout, not only the tests")
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_infiltration_units_keep_the_rules(tmp_path, fmi, motion):
+    scene = EXAMPLES / "cosimulation" / "compression" / "scene.toml"
+    for fields in (None, ["all"]):
+        unit = build_infiltration_fmu(
+            None, scene, tmp_path / "resin.fmu", fmi=fmi,
+            options=InfiltrationUnit(motion=motion, fields=fields),
+        )  # fmt: skip
+        assert broken_rules(description_of(unit)) == []
 
 
 # --- each rule broken -----------------------------------------------------------------------------
