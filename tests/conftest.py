@@ -82,15 +82,26 @@ def in_new_process(tmp_path):
 
 # Files with the most work, of compiler and solver, first: two workers then end at about the same
 # time. A file stays with one worker, which keeps what its fixtures have computed and compiled.
+# The first goes to one worker, the second to the other one, the third again to the first: those of
+# the two workers share no loops, which both would compile at the same time.
 FOLDER = Path(__file__).parent
 LONG_FILES = (
     "verification/test_restart.py",
-    "stability/test_hard_cases.py",
-    "effects/test_contract.py",
     "elements/test_frequency_bound.py",
-    "verification/test_hemisphere_holder.py",
-    "interfaces/test_closed_forms.py",
+    "stability/test_hard_cases.py",
     "elements/test_kernel.py",
+    "interfaces/test_closed_forms.py",
+    "unit/test_bodies.py",
+    "faults/test_faults.py",
+    "effects/test_contract.py",
+    "verification/test_hemisphere_holder.py",
+    "fmu/test_wet_stack.py",
+    "fmu/test_stack.py",
+    "stages/test_interfaces.py",
+    "interfaces/test_fields.py",
+    "coupling/solids/test_explicit_forming.py",
+    "fmu/test_conduct.py",
+    "manual/test_jobs.py",
 )
 
 
