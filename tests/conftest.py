@@ -17,6 +17,27 @@ settings.register_profile("lcmchain", derandomize=True, deadline=None, database=
 settings.load_profile("lcmchain")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def coarse_pictures():
+    """Draw with few pixels, which is half of the time of a short run that draws everything.
+
+    Pictures are the same in inches; the command in a process of its own draws as ever. Returns the
+    pixels per inch that they else have.
+    """
+    from lcmchain.report import style
+
+    with pytest.MonkeyPatch.context() as patch:
+        fine = style.DPI
+        patch.setattr(style, "DPI", 60)
+        yield fine
+
+
+@pytest.fixture
+def fine_pictures(coarse_pictures, monkeypatch):
+    """Draw as the program does, for tests that look at pixels."""
+    monkeypatch.setattr("lcmchain.report.style.DPI", coarse_pictures)
+
+
 @pytest.fixture(scope="session")
 def manual_table():
     """Rows of all tables on a page of the manual, as lists of cells."""
