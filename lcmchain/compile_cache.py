@@ -2,8 +2,10 @@
 
 A kernel that numba caches on disk is looked up by the time stamp of its own file. It does not
 notice that a file whose functions it inlines has changed, and would go on running old physics.
-Here the folder itself is named by a hash of all package sources, so that any change of any file
-starts an empty one.
+Here the folder itself is named by a hash of the package sources that compiled code may be made of,
+so that a change of any of them starts an empty one. A change of the others (commands, reports,
+couplings, ...) keeps what is compiled, and so does a new checkout at the same place: whoever keeps
+the folder between two runs of the tests compiles once for each state of the kernels.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import stat
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -25,6 +27,18 @@ from platformdirs import user_cache_path
 
 # Packages that live outside the folder of lcmchain in a checkout.
 OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
+
+# Folders and files of the package that no compiled function is in, nor anything that one is made
+# of: no file with compiled functions imports them, directly or not. What is not named here counts.
+# tests/packaging/test_compile_cache.py compares this list with the imports.
+NEVER_COMPILED = (
+    "__main__.py", "cli.py", "fingerprint.py", "forming_run.py", "pipeline.py", "provenance.py",
+    "run_account.py", "run_files.py", "summary.py",
+    "commands", "coupons", "identification", "manual", "pattern", "report", "results", "statics",
+    "study", "verification", "fmu", "mapping/formats", "mapping/structure", "coupling/closing",
+    "coupling/cosimulation", "coupling/hard_cases", "coupling/iteration",
+    "coupling/precice_adapter", "coupling/wet_forming",
+)  # fmt: skip
 
 HASH_LENGTH = 20
 MAXIMUM_AGE_DAYS = 30
@@ -99,19 +113,27 @@ def let_processes_share() -> None:
 
 
 def source_key() -> str:
-    """Hash of every source file of lcmchain, the numba version and the kind of processor."""
+    """Hash of the sources of compiled code, the numba version and the kind of processor."""
     digest = hashlib.blake2b(digest_size=HASH_LENGTH // 2)
-    digest.update(source_hash().encode())
+    digest.update(source_hash(without=NEVER_COMPILED).encode())
     digest.update(_numba_version())
     digest.update(processor().encode())
     return digest.hexdigest()
 
 
-def source_hash() -> str:
-    """Hash of every source file of lcmchain: which code this is, whatever its version says."""
+def source_hash(without: Iterable[str] = ()) -> str:
+    """Hash of every source file of lcmchain: which code this is, whatever its version says.
+
+    Parameters
+    ----------
+    without : folders and files that do not count, as they are named in an installed package.
+    """
     digest = hashlib.blake2b(digest_size=32)
-    for folder in _package_folders():
-        for file in _python_files(folder):
+    left_out = frozenset(without)
+    main, *outer = _package_folders()
+    for folder in (main, *outer):
+        inside = "" if folder == main else f"{folder.name}/"
+        for file in _python_files(folder, inside, left_out):
             digest.update(f"{folder.name}{file[len(str(folder)) :]}\0".encode())
             digest.update(hashlib.blake2b(Path(file).read_bytes()).digest())
     return digest.hexdigest()
@@ -129,15 +151,24 @@ def _package_folders() -> list[Path]:
     return folders
 
 
-def _python_files(folder: Path) -> Iterator[str]:
-    """Every source file below a folder, in an order that does not depend on the file system."""
+def _python_files(folder: Path, inside: str, left_out: frozenset[str]) -> Iterator[str]:
+    """Source files below a folder, in an order that does not depend on the file system.
+
+    Parameters
+    ----------
+    inside : name of the folder in an installed package, with a slash at its end.
+    left_out : names of what does not count there.
+    """
+    if inside.rstrip("/") in left_out:
+        return
     with os.scandir(folder) as entries:
         ordered = sorted(entries, key=lambda entry: entry.name)
     for entry in ordered:
+        name = inside + entry.name
         if entry.is_dir():
             if entry.name != "__pycache__":
-                yield from _python_files(Path(entry.path))
-        elif entry.name.endswith(".py"):
+                yield from _python_files(Path(entry.path), f"{name}/", left_out)
+        elif entry.name.endswith(".py") and name not in left_out:
             yield entry.path
 
 

@@ -17,6 +17,27 @@ settings.register_profile("lcmchain", derandomize=True, deadline=None, database=
 settings.load_profile("lcmchain")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def coarse_pictures():
+    """Draw with few pixels, which is half of the time of a short run that draws everything.
+
+    Pictures are the same in inches; the command in a process of its own draws as ever. Returns the
+    pixels per inch that they else have.
+    """
+    from lcmchain.report import style
+
+    with pytest.MonkeyPatch.context() as patch:
+        fine = style.DPI
+        patch.setattr(style, "DPI", 60)
+        yield fine
+
+
+@pytest.fixture
+def fine_pictures(coarse_pictures, monkeypatch):
+    """Draw as the program does, for tests that look at pixels."""
+    monkeypatch.setattr("lcmchain.report.style.DPI", coarse_pictures)
+
+
 @pytest.fixture(scope="session")
 def manual_table():
     """Rows of all tables on a page of the manual, as lists of cells."""
@@ -82,15 +103,26 @@ def in_new_process(tmp_path):
 
 # Files with the most work, of compiler and solver, first: two workers then end at about the same
 # time. A file stays with one worker, which keeps what its fixtures have computed and compiled.
+# The first goes to one worker, the second to the other one, the third again to the first: those of
+# the two workers share no loops, which both would compile at the same time.
 FOLDER = Path(__file__).parent
 LONG_FILES = (
     "verification/test_restart.py",
-    "stability/test_hard_cases.py",
-    "effects/test_contract.py",
     "elements/test_frequency_bound.py",
-    "verification/test_hemisphere_holder.py",
-    "interfaces/test_closed_forms.py",
+    "stability/test_hard_cases.py",
     "elements/test_kernel.py",
+    "interfaces/test_closed_forms.py",
+    "unit/test_bodies.py",
+    "faults/test_faults.py",
+    "effects/test_contract.py",
+    "verification/test_hemisphere_holder.py",
+    "fmu/test_wet_stack.py",
+    "fmu/test_stack.py",
+    "stages/test_interfaces.py",
+    "interfaces/test_fields.py",
+    "coupling/solids/test_explicit_forming.py",
+    "fmu/test_conduct.py",
+    "manual/test_jobs.py",
 )
 
 

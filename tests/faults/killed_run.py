@@ -22,7 +22,10 @@ def main(scene: str, folder: str, moment: int) -> None:
                 os.kill(os.getpid(), signal.SIGKILL)
 
     from lcmchain.pipeline import run
+    from lcmchain.report import style
     from lcmchain.scene import read_scene
+
+    style.DPI = 60  # as the tests draw
 
     sys.addaudithook(look)
     run(read_scene(scene), folder)

@@ -33,7 +33,7 @@ side = "below" }}
 def formed():
     """Mid-surfaces of the formed plies (n, 3) [m] and their triangles (m, 3)."""
     plies = [
-        ply("lower", width=50.0, height=50.0, edge=2.5, z=0.5 * T),
+        ply("lower", width=50.0, height=50.0, edge=2.5, angle=30.0, z=0.5 * T),
         ply("upper", width=50.0, height=50.0, edge=3.0, z=1.5 * T),
     ]
     sim = stack(plies, scene_from_text(SCENE), ALL, Interface(friction=0.2))

@@ -40,9 +40,9 @@ GAP = 0.02  # of plies that do not press [mm]
 
 
 def pair(gap=0.0):
-    """A long ply and a short one on it."""
-    bed = ply("bed", width=50.0, height=20.0, edge=4.0, z=0.5 * T)
-    shift = (-8.0, 0.0, 0.0)
+    """A long ply and a short one on it, with edges of one length: one loop serves both."""
+    bed = ply("bed", width=48.0, height=20.0, edge=4.0, z=0.5 * T)
+    shift = (-9.0, 0.0, 0.0)
     return bed, ply("sled", shift=shift, width=WIDTH, height=HEIGHT, edge=4.0, z=1.5 * T + gap)
 
 

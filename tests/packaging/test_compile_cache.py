@@ -1,8 +1,10 @@
-"""Compiled kernels are kept per state of the sources, never shared between two states."""
+"""Compiled kernels are kept per state of their sources, never shared between two states."""
 
+import ast
 import contextlib
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -59,6 +61,122 @@ def test_key_changes_with_any_source_file(package):
     (package / "__pycache__").mkdir()
     (package / "__pycache__" / "left_over.py").write_text("")
     assert compile_cache.source_key() == keys[-1]
+
+
+def test_key_stays_where_what_is_never_compiled_changes(package, monkeypatch):
+    """It is told by its place: another file or folder of that name counts."""
+    monkeypatch.setattr(compile_cache, "NEVER_COMPILED", ("report", "inner/words.py", "outer/run"))
+    for name in ("report", "inner/report", "outer/run"):
+        (package / name).mkdir(parents=True)
+        (package / name / "page.py").write_text("")
+    (package / "inner" / "words.py").write_text("")
+    (package / "words.py").write_text("")
+    key, everything = compile_cache.source_key(), compile_cache.source_hash()
+    for name in ("report/page.py", "inner/words.py", "outer/run/page.py"):
+        (package / name).write_text("changed = True\n")
+    assert compile_cache.source_key() == key
+    assert compile_cache.source_hash() != everything
+    for name in ("words.py", "inner/report/page.py", "kernel.py"):
+        (package / name).write_text("changed = True\n")
+        assert compile_cache.source_key() != key
+        key = compile_cache.source_key()
+
+
+def test_a_package_outside_has_the_names_of_an_installed_one(package, tmp_path, monkeypatch):
+    """In a checkout ``coupling`` lies beside ``lcmchain``, in a wheel inside it."""
+    outer = tmp_path / "outer"
+    (outer / "run").mkdir(parents=True)
+    monkeypatch.setattr(compile_cache, "_package_folders", lambda: [package, outer])
+    monkeypatch.setattr(compile_cache, "NEVER_COMPILED", ("outer/run",))
+    (outer / "run" / "page.py").write_text("")
+    (outer / "kernel.py").write_text("")
+    key = compile_cache.source_key()
+    (outer / "run" / "page.py").write_text("changed = True\n")
+    assert compile_cache.source_key() == key
+    (outer / "kernel.py").write_text("changed = True\n")
+    assert compile_cache.source_key() != key
+
+
+#: A function that numba compiles, or that answers a question of one.
+COMPILED_FUNCTION = re.compile(
+    r"^@(njit|jit|vectorize|guvectorize|overload|implements|inherit|"
+    r"\w*(entry|kernel|routine|equation|span_part|kernel_part))\b"
+    r"|^from lcmchain\.(jit|dispatch) import|^(from|import) numba\b",
+    re.M,
+)
+
+
+def sources_of_the_package():
+    """Files of the package by their names in an installed one."""
+    main, *outer = compile_cache._package_folders()
+    return {
+        ("" if folder == main else f"{folder.name}/") + path.relative_to(folder).as_posix(): path
+        for folder in (main, *outer)
+        for path in folder.rglob("*.py")
+    }
+
+
+def imported_by(name, path, files):
+    """Files of the package that one of them imports, wherever in it, by their names.
+
+    A name on demand is in the file where the stub of the package says it is.
+    """
+
+    def file_of(module):
+        place = "/".join(module.split(".")[1:])
+        candidates = (f"{place}.py", f"{place}/__init__.py".lstrip("/"))
+        return next((file for file in candidates if file in files), None)
+
+    def stub_of(module):
+        file = file_of(module)
+        return file and files[file].with_suffix(".pyi")
+
+    def modules_in(tree):
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Import):
+                yield from (alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{name}: a relative import"
+                yield node.module
+                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+                if node.module.split(".")[0] == "lcmchain":
+                    stub = stub_of(node.module)
+                    if stub is not None and stub.is_file():
+                        asked = {alias.name for alias in node.names}
+                        yield from (
+                            f"{node.module}.{found.module}"
+                            for found in ast.walk(ast.parse(stub.read_text(encoding="utf-8")))
+                            if isinstance(found, ast.ImportFrom)
+                            and asked & {alias.name for alias in found.names}
+                        )
+
+    found = set()
+    for module in modules_in(ast.parse(path.read_text(encoding="utf-8"))):
+        parts = module.split(".")
+        if parts[0] == "lcmchain":  # with the packages around it
+            found |= {file_of(".".join(parts[: k + 1])) for k in range(len(parts))}
+    return found - {None}
+
+
+def test_no_compiled_function_is_made_of_what_does_not_count():
+    files = sources_of_the_package()
+    for name in compile_cache.NEVER_COMPILED:
+        assert name in files or f"{name}/__init__.py" in files, f"{name} is not there any more"
+    made_of = {
+        name
+        for name, path in files.items()
+        if COMPILED_FUNCTION.search(path.read_text(encoding="utf-8"))
+    }
+    new = made_of
+    while new:
+        new = {other for name in new for other in imported_by(name, files[name], files)} - made_of
+        made_of |= new
+    assert {"solver/loop.py", "state.py", "jit.py", "mapping/solids/boxes.py"} <= made_of
+    assert len(made_of) < len(files) / 2
+    left_out = compile_cache.NEVER_COMPILED
+    folders = tuple(f"{name}/" for name in left_out)
+    wrong = {name for name in made_of if name in left_out or name.startswith(folders)}
+    assert wrong == set(), "compiled code is made of these: take them out of NEVER_COMPILED"
 
 
 def test_key_changes_with_numba(package, monkeypatch):

@@ -250,6 +250,7 @@ def test_a_cut_is_one_strip_with_the_length_and_thickness_of_the_sheet(angle):
     np.testing.assert_allclose(lower[:, 1], 0.004, atol=1e-6)
 
 
+@pytest.mark.usefixtures("fine_pictures")
 def test_a_plane_beside_the_sheet_cuts_nothing(blank, datasets, tmp_path):
     middle = blank.mid_surface_positions
     plane = Plane.through(np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]))

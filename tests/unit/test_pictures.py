@@ -85,6 +85,7 @@ def coloured(path):
 # --- files ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("fine_pictures")
 def test_pictures_of_a_result(scene, blank, tmp_path):
     files = draw_result(tmp_path, result(scene, blank, 0.012))
     assert [file.name for file in files] == [
@@ -224,6 +225,7 @@ def test_arrows_of_a_colour_bar(values, extend):
 # --- facets and fibres ----------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("fine_pictures")
 def test_what_lies_in_front_hides_what_lies_behind(tmp_path):
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
     stack = np.stack([square + [0, 0, 0.1], square])  # the first one is in front, from above

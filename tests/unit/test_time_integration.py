@@ -32,14 +32,13 @@ fibre_angle = "0 deg"
 height = "0.502 mm"
 [material]
 preset = "MD600"
-[element]
-cross_terms = false
 """
 # a light plate falls on a sheet that is drawn over a bed: contact, friction, a guided tool, damping
 PRESSED = (
-    SHEET.replace('"30 mm", "20 mm"', '"80 mm", "60 mm"')  # several chunks of nodes
-    .replace("[process]", "[process]\ngravity = true\nmass_damping = '20 1/s'")
-    .replace("cross_terms = false", "cross_terms = true")
+    # several chunks of nodes
+    SHEET.replace('"30 mm", "20 mm"', '"80 mm", "60 mm"').replace(
+        "[process]", "[process]\ngravity = true\nmass_damping = '20 1/s'"
+    )
     + """
 [contact]
 friction = 0.157

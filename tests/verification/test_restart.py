@@ -12,6 +12,7 @@ import time
 import numpy as np
 import pytest
 
+from lcmchain.cli import main
 from lcmchain.fields import read_forming, read_group
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
@@ -122,13 +123,16 @@ def test_one_and_two_threads_give_the_same_bits(scene_file, plain, tmp_path):
     assert_same_bits(tmp_path, plain)
 
 
-def test_resume_without_or_with_a_broken_checkpoint_is_refused(scene_file, tmp_path):
-    done = subprocess.run(command(scene_file, tmp_path, "--resume"), capture_output=True, text=True)
-    assert done.returncode == 2 and "no checkpoint" in done.stderr
+def test_resume_without_or_with_a_broken_checkpoint_is_refused(scene_file, tmp_path, capsys):
+    def refused():
+        with pytest.raises(SystemExit) as stop:
+            main(["run", str(scene_file), "--out", str(tmp_path), "--resume"])
+        assert stop.value.code == 2
+        return capsys.readouterr().err
 
+    assert "no checkpoint" in refused()
     (tmp_path / FILE_NAME).write_bytes(b"no archive")
-    done = subprocess.run(command(scene_file, tmp_path, "--resume"), capture_output=True, text=True)
-    assert done.returncode == 2 and "no checkpoint of lcmchain" in done.stderr
+    assert "no checkpoint of lcmchain" in refused()
 
 
 PRESS = """
@@ -152,17 +156,19 @@ motion = { type = "stroke", direction = [0, 0, -1], distance = "1 mm" }
 """
 
 
-def test_guard_stops_the_published_compaction_and_keeps_the_good_frames(tmp_path):
+def test_guard_stops_the_published_compaction_and_keeps_the_good_frames(tmp_path, capsys):
     """Between frictionless plates the published director strain tilts and folds over."""
     scene_file = tmp_path / "press.toml"
     scene_file.write_text(PRESS, encoding="utf-8")
     out = tmp_path / "out"
     out.mkdir()
-    done = subprocess.run(command(scene_file, out), capture_output=True, text=True)
-    assert done.returncode == 1
+    with pytest.raises(SystemExit) as stop:
+        main(["run", str(scene_file), "--out", str(out)])
+    assert stop.value.code == 1
+    said = capsys.readouterr().err
     for part in ("element", "mm at", "ms (step", "Likely cause", "director", "normal"):
-        assert part in done.stderr, done.stderr
-    (error,) = [line for line in done.stderr.splitlines() if line.startswith("Error: ")]
+        assert part in said, said
+    (error,) = [line for line in said.splitlines() if line.startswith("Error: ")]
     frames = read_forming(out / "forming.nc")
     assert 2 <= frames.sizes["time"] < 11
     assert np.isfinite(frames["thickness"].values).all()

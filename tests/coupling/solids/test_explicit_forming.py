@@ -26,7 +26,7 @@ blank = { size = ["30 mm", "20 mm"], edge_length = "5 mm" }
 material = { preset = "MD600" }
 """
 PRESS = """
-contact = { friction = 0.2 }
+contact = { friction = 0.2, depth = "free" }
 [[tools]]
 name = "die"
 shape = { type = "plate", side = "below" }
