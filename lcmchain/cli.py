@@ -73,9 +73,10 @@ app.add_typer(pattern_app, name="pattern")
 
 def _show_version(asked: bool) -> None:
     if asked:
-        from lcmchain import __version__
+        from lcmchain.provenance import versions
 
-        say(f"lcmchain {__version__}")
+        for line in versions():
+            say(line)
         raise typer.Exit
 
 
@@ -84,7 +85,7 @@ def _lcmchain(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=_show_version, is_eager=True, help="Show the version and exit."
+            "--version", callback=_show_version, is_eager=True, help="Show versions and exit."
         ),
     ] = False,
 ) -> None:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,19 @@ if TYPE_CHECKING:
 
 #: Libraries whose version may change the last bits of a result, or how its files are written.
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4", "meshio")
+#: Further ones that ``lcmchain --version`` tells: what reads, writes and packs files.
+FURTHER = ("h5py", "fmpy", "pythonfmu", "pythonfmu3", "pydantic", "pint", "shapely", "ezdxf")
+#: What each extra of the package installs for its users, and what it is for.
+EXTRAS = {
+    "video": ("imageio-ffmpeg", "films as MP4"),
+    "study": ("distributed", "studies with runs side by side"),
+    "peers": ("KratosMultiphysics", "lcmchain bench --peers"),
+    "excel": ("openpyxl", "workbooks of testing machines"),
+    "union": ("manifold3d", "union = true of a tool"),
+    "precice": ("pyprecice", "lcmchain precice"),
+}
+#: How to cite the program.
+CITATION = Path(__file__).with_name("CITATION.cff")
 
 
 def provenance(scene: Scene, *, run_fingerprint: str, threads: int) -> dict[str, Any]:
@@ -66,6 +79,35 @@ def scene_files(scene: Scene) -> list[dict[str, str]]:
         {"key": key, "file": str(file), "sha256": _sha256(scene.source.directory / file)}
         for key, file in named
     ]
+
+
+def versions() -> list[str]:
+    """Return the lines of ``lcmchain --version``: what the program runs on, and what it lacks.
+
+    Examples
+    --------
+    >>> versions()[0].startswith("lcmchain ")
+    True
+    """
+    known = [f"{name} {found}" for name in (*LIBRARIES, *FURTHER) if (found := _version(name))]
+    lines = [
+        f"lcmchain {__version__}",
+        f"python {platform.python_version()} on {platform.platform()}",
+        ", ".join(known),
+    ]
+    for extra, (name, use) in EXTRAS.items():
+        found = _version(name)
+        state = f"{name} {found}" if found else f'not installed: pip install "lcmchain[{extra}]"'
+        lines.append(f"extra {extra} ({use}): {state}")
+    return [*lines, f"how to cite: {CITATION}"]
+
+
+def _version(name: str) -> str | None:
+    """Version of an installed library, None where it is not there."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
 
 
 def processor() -> str:

@@ -240,6 +240,8 @@ def surface_table(gaps: list[InitialGap]) -> list[Table]:
 
 
 def _parts(orientation: Orientation) -> str:
+    if orientation.united > 1:
+        return f"closed, the union of {orientation.united} solids"
     kinds = (("closed", orientation.closed), ("open", orientation.open))
     return ", ".join(
         kind if count == 1 else f"{kind} ({count} parts)" for kind, count in kinds if count

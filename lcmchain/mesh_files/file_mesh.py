@@ -41,6 +41,8 @@ class FileMesh:
     left_aside : number of cells of kinds that are no cells of a mesh to map onto, by kind.
     notes : sentences about what the file holds and this does not. notes_of_sets : the same about
         sets, parts and numbers, which are nothing to those that take only the shape.
+    unit : metres to the unit of length that the file itself states, None where it states none. The
+        points are not changed by it.
     """
 
     points: np.ndarray
@@ -53,6 +55,7 @@ class FileMesh:
     left_aside: dict[str, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     notes_of_sets: list[str] = field(default_factory=list)
+    unit: float | None = None
 
     @property
     def cell_count(self) -> int:

@@ -59,6 +59,31 @@ def length_unit_hint(
     return f'{found}(now "{length_unit}"{proposal})'
 
 
+def stated_unit_hint(stated: float | None, length_unit: str) -> str | None:
+    """Return a sentence about a file that states another unit than it is read with.
+
+    ``length_unit`` counts: programs write metres into files that they leave in millimetres.
+
+    Parameters
+    ----------
+    stated : metres to the unit that the file states, None where it states none.
+    length_unit : that the mesh is read with.
+    """
+    from lcmchain.quantities.units import length_factor
+
+    if stated is None:
+        return None
+    now = UNITS[length_unit] if length_unit in UNITS else length_factor(length_unit)
+    if math.isclose(stated, now, rel_tol=1e-3):
+        return None
+    named = [unit for unit, size in UNITS.items() if math.isclose(stated, size, rel_tol=1e-3)]
+    unit = f'"{named[0]}"' if named else f"{stated:g} m"
+    return (
+        f'the file states its unit of length as {unit}, but length_unit is "{length_unit}", which '
+        "counts; check which of the two is right"
+    )
+
+
 def _sizes(ratio: float, length_unit: str) -> dict[str, float]:
     """Size of the mesh, in that of its sheet, with each other unit."""
     # Imported where a unit is doubted: the table of units takes long to set up.

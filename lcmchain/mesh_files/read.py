@@ -6,17 +6,23 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from meshio import extension_to_filetypes
+
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import FileMesh
-from lcmchain.mesh_files.formats import format_of
+from lcmchain.mesh_files.formats import ending_that_disagrees, format_of, known_formats
 from lcmchain.mesh_files.readers.abaqus import read_abaqus
 from lcmchain.mesh_files.readers.by_meshio import read_by_meshio
+from lcmchain.mesh_files.readers.cgns import read_cgns
 from lcmchain.mesh_files.readers.exodus import read_exodus
 from lcmchain.mesh_files.readers.gmsh import read_gmsh
+from lcmchain.mesh_files.readers.lsdyna import read_lsdyna
 from lcmchain.mesh_files.readers.med import read_med
 from lcmchain.mesh_files.readers.nastran import read_nastran
+from lcmchain.mesh_files.readers.netgen import read_netgen
 from lcmchain.mesh_files.readers.obj import read_obj
 from lcmchain.mesh_files.readers.ply import read_ply
+from lcmchain.mesh_files.readers.universal import read_universal
 from lcmchain.mesh_files.readers.vtu import read_vtu
 
 #: Readers by the name of the format; meshio reads all others.
@@ -26,10 +32,17 @@ READERS: dict[str, Callable[[Path], FileMesh]] = {
     "gmsh": read_gmsh,
     "med": read_med,
     "exodus": read_exodus,
+    "cgns": read_cgns,
     "obj": read_obj,
     "ply": read_ply,
+    "lsdyna": read_lsdyna,
+    "universal": read_universal,
+    "netgen": read_netgen,
     "vtu": read_vtu,
 }
+
+#: Endings by which meshio tells the format of a file whose content is not known here.
+ENDINGS_OF_MESHIO = frozenset(extension_to_filetypes)
 
 
 def read_mesh_file(path: Path) -> FileMesh:
@@ -37,16 +50,26 @@ def read_mesh_file(path: Path) -> FileMesh:
 
     Parameters
     ----------
-    path : a deck of Abaqus, CalculiX or Nastran, a file of Gmsh, MED or Exodus, or any other mesh
-        file that meshio reads.
+    path : a deck of Abaqus, CalculiX, Nastran or LS-DYNA, a Universal file, a file of Gmsh, MED,
+        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads.
 
     Raises
     ------
-    InputError : the file is absent, empty or unreadable; names the line where it has lines.
+    InputError : the file is absent, empty, of no known format or unreadable; names the line where
+        it has lines.
     """
     _require_file(path)
     name = format_of(path)
-    return READERS.get(name, partial(read_by_meshio, file_format=name or None))(path)
+    if not name and path.suffix.lower() not in ENDINGS_OF_MESHIO:
+        raise InputError(
+            "the content is no mesh of a format that is known, and the ending does not tell; "
+            f"export the mesh as one of these: {known_formats(ENDINGS_OF_MESHIO)}",
+            file=path,
+        )
+    mesh = READERS.get(name, partial(read_by_meshio, file_format=name or None))(path)
+    if (told := ending_that_disagrees(path, name)) is not None:
+        mesh.notes.insert(0, told)
+    return mesh
 
 
 def _require_file(path: Path) -> None:

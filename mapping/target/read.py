@@ -11,6 +11,7 @@ from lcmchain.mapping.target.checks import require_whole_cells, warnings_about
 from lcmchain.mapping.target.mesh import TargetMesh
 from lcmchain.mesh_files import FileMesh, read_mesh_file
 from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS
+from lcmchain.mesh_files.length_unit import stated_unit_hint
 from lcmchain.mesh_files.shapes import SOLID_CORNERS, SURFACE_CORNERS, base_type
 
 KINDS = ("infiltration", "structure")
@@ -21,8 +22,8 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
 
     Parameters
     ----------
-    path : a deck of Abaqus, CalculiX or Nastran, a file of Gmsh, MED or Exodus, or any other mesh
-        file that meshio reads.
+    path : a deck of Abaqus, CalculiX, Nastran or LS-DYNA, a Universal file, a file of Gmsh, MED,
+        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads.
     kind : ``"infiltration"`` takes triangles and quadrilaterals; ``"structure"`` takes solids
         where the file has them (its surface cells are then boundary patches), else shells.
     length_unit : unit of the coordinates in the file.
@@ -57,7 +58,12 @@ def read_target(path: Path | str, *, kind: str = "structure", length_unit: str =
         cell_sets=sets,
         node_sets={**moved, **mesh.node_sets},
         parts={name: rows for name, rows in _renumbered(mesh.parts, chosen).items() if len(rows)},
-        notes=(*mesh.notes, *mesh.notes_of_sets, *_note_of_moved(moved)),
+        notes=(
+            *mesh.notes,
+            *_note_of_unit(mesh, length_unit),
+            *mesh.notes_of_sets,
+            *_note_of_moved(moved),
+        ),
     )
     return target.with_notes(warnings_about(target))
 
@@ -129,6 +135,11 @@ def _note_of_moved(moved: dict[str, np.ndarray]) -> list[str]:
         return []
     names = ", ".join(list(moved)[:8]) + (", ..." if len(moved) > 8 else "")
     return [f"sets and parts of cells left aside are kept as the sets of their nodes: {names}"]
+
+
+def _note_of_unit(mesh: FileMesh, length_unit: str) -> list[str]:
+    hint = stated_unit_hint(mesh.unit, length_unit)
+    return [] if hint is None else [hint]
 
 
 def _points_in_space(points: np.ndarray, path: Path) -> np.ndarray:

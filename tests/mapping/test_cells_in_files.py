@@ -21,7 +21,17 @@ from lcmchain.mapping.formats.export import prepare_export
 from lcmchain.mapping.structure import SolverOptions, map_and_analyse
 from lcmchain.mapping.structure.stage import open_mapped
 from lcmchain.mesh_files.meshio_names import ADDED, is_known_to_vtk
-from lcmchain.mesh_files.readers import abaqus_elements, exodus, gmsh_sections, med, nastran
+from lcmchain.mesh_files.readers import (
+    abaqus_elements,
+    cgns,
+    exodus,
+    gmsh_sections,
+    lsdyna,
+    med,
+    nastran,
+    netgen,
+    universal,
+)
 from lcmchain.mesh_files.shapes import (
     SOLID_CORNERS,
     SOLID_EDGES,
@@ -82,8 +92,19 @@ def types_of_readers():
             for element in nastran._ELEMENTS.values()
             for name in (element.shape, f"{element.shape}{element.full or ''}")
         },
+        "LS-DYNA": {
+            *[shape for shape, _, _ in lsdyna._SQUEEZED],
+            *["triangle", "triangle6", "quad", "quad8", "tetra10", "hexahedron"],
+        },
+        "Universal": {
+            name for table in (universal._SHELLS, universal._SOLIDS) for name, _ in table.values()
+        },
+        "NETGEN": {
+            *netgen.netgen2d_to_meshio_type.values(), *netgen.netgen3d_to_meshio_type.values(),
+        },
         "Gmsh": {kind.name for kind in gmsh_sections.KINDS.values()},
         "MED": set(med._TYPES.values()),
+        "CGNS": {name for name, _ in cgns._TYPES.values()},
         "Exodus": {name for shapes in exodus._SHAPES.values() for name in shapes.values()},
         "meshio": of_meshio(),
     }  # fmt: skip

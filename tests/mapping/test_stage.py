@@ -418,7 +418,7 @@ def test_the_picture_paints_and_hatches_the_right_cells(make, part, tmp_path, mo
         ({"source": "absent.nc"}, "does not exist"),
         ({"source": "target.vtu"}, "not a netCDF forming result"),
         ({"target": "absent.vtu"}, "does not exist"),
-        ({"target": "broken.vtu"}, "cannot be read as a mesh"),
+        ({"target": "broken.vtu"}, "cannot be read as a VTU file"),
         ({"target": "mesh.unknown"}, "cannot read"),
         ({"target": "lines.vtu"}, "no shells or solids"),
         ({"target": "lines.vtu", "kind": "infiltration"}, "no triangles or quadrilaterals"),

@@ -150,9 +150,15 @@ def sound_files(make, folder):
     here = Path(__file__).parent
     decks = runpy.run_path(str(here / "test_target_abaqus.py"))
     bulk = runpy.run_path(str(here / "test_target_nastran.py"))
+    universal = runpy.run_path(str(here / "test_target_universal.py"))
+    content = runpy.run_path(str(here / "test_target_content.py"))
+    runpy.run_path(str(here / "test_target_cgns.py"))["written"](folder / "zones.cgns", zones=2)
     points, quads = make.grid(4, 3)
     mesh = meshio.Mesh(make.lifted(points), [("quad", quads)])
     files = {
+        "part.unv": universal["PART"].encode(), "box.vol": content["netgen"](2).encode(),
+        "sets.k": runpy.run_path(str(here / "test_target_lsdyna.py"))["STANDARD"].encode(),
+        "zones.cgns": (folder / "zones.cgns").read_bytes(),
         "flat.inp": decks["FLAT"].encode(), "assembly.inp": decks["ASSEMBLY"].encode(),
         "bulk.bdf": bulk["DECK"].encode(), "large.bdf": bulk["PYNASTRAN"].encode(),
     }  # fmt: skip

@@ -280,6 +280,7 @@ def test_wheel_works_outside_the_checkout(tmp_path):
     assert any(page.endswith(".png") for page in pages)
     packed_report = {file.name for file in (site / "lcmchain" / "report" / "assets").iterdir()}
     assert packed_report == {"report.html", "report.css", "report.js"}
+    assert (site / "lcmchain" / "CITATION.cff").is_file()
 
     code = f"""
 import importlib, pathlib

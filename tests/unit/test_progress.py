@@ -1,11 +1,15 @@
 """Progress as lines, the log of a run, and what the terminal says with --quiet and --strict."""
 
+import platform
 import re
+import tomllib
 import types
+from importlib import metadata
+from pathlib import Path
 
 import pytest
 
-from lcmchain import __version__, cli
+from lcmchain import __version__, cli, provenance
 from lcmchain.commands import terminal
 from lcmchain.commands.terminal import progress_bar, warn_in_groups
 from lcmchain.results import ProgressLines, RunLog
@@ -104,7 +108,31 @@ def test_version(capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(["--version"])
     assert stop.value.code == 0
-    assert capsys.readouterr().out == f"lcmchain {__version__}\n"
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == f"lcmchain {__version__}"
+    assert told[1].startswith(f"python {platform.python_version()} on ")
+    for name in ("numpy", "numba", "llvmlite", "h5py", "xarray", "meshio", "fmpy"):
+        assert f"{name} {metadata.version(name)}" in told[2]
+    (citation,) = [line for line in told if line.startswith("how to cite: ")]
+    assert f"version: {__version__}\n" in Path(citation.partition(": ")[2]).read_text("utf-8")
+
+
+def test_versions_name_every_extra_and_what_installs_a_missing_one(monkeypatch):
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
+    extras = project["project"]["optional-dependencies"]
+    assert provenance.EXTRAS.keys() == extras.keys() - {"test"}
+    for extra, (name, _) in provenance.EXTRAS.items():
+        assert any(re.match(rf"{name}\b", needed) for needed in extras[extra])
+    real = provenance.version
+
+    def without_openpyxl(name):
+        if name == "openpyxl":
+            raise metadata.PackageNotFoundError(name)
+        return real(name)
+
+    monkeypatch.setattr(provenance, "version", without_openpyxl)
+    (told,) = [line for line in provenance.versions() if line.startswith("extra excel")]
+    assert told.endswith('not installed: pip install "lcmchain[excel]"')
 
 
 SUMMARY = {

@@ -15,6 +15,7 @@ import numpy as np
 import lcmchain.mesh_files.meshio_names  # noqa: F401  (types that meshio misses)
 from lcmchain.errors import InputError, shortened
 from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS, FileMesh
+from lcmchain.mesh_files.formats import FORMATS, known_formats
 
 #: Names under which files keep the numbers of cells and nodes, in lower case: this program's,
 #: ParaView's and VTK's, Ensight's.
@@ -182,10 +183,14 @@ def _read(path: Path, file_format: str | None, file: Path) -> meshio.Mesh:
             raise InputError(NO_CELLS, file=path) from None
         reason = said.getvalue().strip() or str(error) or type(error).__name__
         reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
-        known = ", ".join(sorted(meshio.extension_to_filetypes))
+        title = FORMATS[file_format].title if file_format in FORMATS else "mesh"
+        known = (
+            ""
+            if file_format in FORMATS
+            else (f". Read are: {known_formats(meshio.extension_to_filetypes)}")
+        )
         raise InputError(
-            f"cannot be read as a mesh ({reason}); check that the file is complete. Read are decks "
-            f"of Abaqus and Nastran, Exodus, and what meshio knows: {known}",
+            f"cannot be read as a {title} ({reason}); check that the file is complete{known}",
             file=path,
         ) from None
 

@@ -9,7 +9,13 @@ import numpy as np
 from pydantic import Field
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.entry_types import AbsentMeans, FileName, LengthUnit, PositiveLength
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    FileName,
+    LengthUnit,
+    PositiveLength,
+    Switch,
+)
 from lcmchain.quantities.units import length_factor
 from lcmchain.tools.distance import FIELD
 from lcmchain.tools.shapes.base import ToolShape, shape_entries
@@ -30,6 +36,12 @@ class SurfaceMesh(ToolShape):
         default=None, description="Grid spacing of the distance field."
     )
 
+    union: Switch = Field(
+        default=False,
+        description="Unite closed solids of the file that overlap or touch; only the outer "
+        "surface of the whole counts. Needs lcmchain[union].",
+    )
+
     @property
     def length_scale(self) -> float:
         """Metres per unit of the file."""
@@ -40,7 +52,8 @@ class SurfaceMesh(ToolShape):
         # take to be read.
         from lcmchain.tools.surfaces.reading import read_surface
 
-        return read_surface(Path(directory) / self.file, self.length_unit, blank)
+        path = Path(directory) / self.file
+        return read_surface(path, self.length_unit, blank, union=self.union)
 
     def table_entries(
         self, directory: Path, *, key: str, blank: np.ndarray | None = None

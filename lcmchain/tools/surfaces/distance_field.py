@@ -190,12 +190,17 @@ def _refuse_overlap(surface: Surface, points: np.ndarray, h: float) -> None:
         f"{place_text(own.min(axis=(0, 1)))} to {place_text(own.max(axis=(0, 1)))}"
         for own in (corners[number] for number in near[:2])
     ]
+    remedy = (
+        "write union = true in the tool's shape, which unites them here, or unite"
+        if surface.orientation.united == 0
+        else "their union left them apart: unite"
+    )
     raise InputError(
         f"two solids of the file overlap or touch near {place_text(points[0])}, or lie closer "
         f"together than the spacing {h * 1e3:.2g} mm tells apart: one from {boxes[0]}, one from "
-        f"{boxes[1]}; inside and outside cannot be told there. Unite the solids in the CAD program "
-        "(Boolean union) and export the surface of the whole, or give each solid a file and an "
-        "entry [[tools]] of its own, with the same position and motion",
+        f"{boxes[1]}; inside and outside cannot be told there; {remedy} the solids in the CAD "
+        "program (Boolean union) and export the surface of the whole, or give each solid a file "
+        "and an entry [[tools]] of its own, with the same position and motion",
         file=surface.file,
     )
 

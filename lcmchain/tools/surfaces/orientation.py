@@ -97,7 +97,7 @@ def oriented(
     InputError : see :func:`agreeing`.
     """
     triangles, part, against = agreeing(points, triangles, file)
-    closed = _closed_parts(triangles, part)
+    closed = closed_parts(triangles, part)
     if blank is not None:
         blank = blank[:: max(1, len(blank) // WITNESSES)]
     inverted, reasons = _inverted_closed(points, triangles, part, closed, blank)
@@ -138,7 +138,7 @@ def _turned(triangles: np.ndarray, flip: np.ndarray) -> np.ndarray:
     return result
 
 
-def _closed_parts(triangles: np.ndarray, part: np.ndarray) -> np.ndarray:
+def closed_parts(triangles: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Whether every edge of a part has two of its triangles, shape [part_count]."""
     edge = edges(triangles)[0]
     owned = np.stack([np.repeat(part, 3), edge.ravel()], axis=1)
@@ -163,13 +163,13 @@ def _inverted_closed(
     own = {int(p): points[triangles[of_part[p]]] for p in np.flatnonzero(closed)}
     for p, corners in own.items():
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-        volume = _signed_volume(corners - low)
+        volume = signed_volume(corners - low)
         if abs(volume) <= FLAT * float(np.linalg.norm(high - low)) ** 3:
             reasons["as in the file (closed without an inside)"] = None
             continue
         # A part that sticks out is no cavity: it overlaps.
         probes = corners[:: max(1, len(corners) // PROBES)].mean(axis=1)
-        around = [q for q in own if q != p and all(_contains(own[q], probe) for probe in probes)]
+        around = [q for q in own if q != p and all(contains(own[q], probe) for probe in probes)]
         if not around and volume < 0.0 and blank is not None and _contains_all(corners, blank):
             # as in the file: a mould all around the blank
             reasons["to the blank, which lies inside"] = None
@@ -180,13 +180,16 @@ def _inverted_closed(
     return inverted, list(reasons)
 
 
-def _signed_volume(corners: np.ndarray) -> float:
+def signed_volume(corners: np.ndarray) -> float:
+    """Volume of a closed surface by the corners (T, 3, 3) of its triangles, negative inside out."""
     a, b, c = corners.transpose(1, 0, 2)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
 
 
-def _contains(corners: np.ndarray, point: np.ndarray) -> bool:
-    """Whether a closed surface contains a point, by its winding number.
+def contains(corners: np.ndarray, point: np.ndarray) -> bool:
+    """Whether a closed surface, by the corners (T, 3, 3) of its triangles, contains a point.
+
+    Its winding number tells.
 
     Source: van Oosterom, Strackee, "The solid angle of a plane triangle", IEEE Trans. Biomed. Eng.
     30 (1983); Jacobson et al., "Robust inside-outside segmentation", ACM Trans. Graph. 32 (2013).
@@ -211,7 +214,7 @@ def _contains_all(corners: np.ndarray, blank: np.ndarray) -> bool:
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
     if (blank < low).any() or (blank > high).any():
         return False
-    return all(_contains(corners, point) for point in blank[:: max(1, len(blank) // 20)])
+    return all(contains(corners, point) for point in blank[:: max(1, len(blank) // 20)])
 
 
 def _inverted_open(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,9 @@ from lcmchain.tools.surfaces.welding import weld
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
 
-def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) -> Surface:
+def read_surface(
+    file: Path, length_unit: str, blank: np.ndarray | None = None, *, union: bool = False
+) -> Surface:
     """Read the surface of a tool from an STL file, a deck, or any other mesh file.
 
     Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
@@ -27,22 +30,29 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     length_unit : unit of its coordinates, for example "mm".
     blank : points [m] of the blank at the start in the frame of the mesh, shape [point_count, 3],
         on whose side open surfaces are free; None leaves them as they are.
+    union : unite the solids of the file (:mod:`lcmchain.tools.surfaces.union`).
 
     Raises
     ------
     InputError
-        if the file is absent, broken, empty, without surface cells, or cannot be oriented.
+        if the file is absent, broken, empty, without surface cells, cannot be oriented or united.
     """
     try:
         scale = length_factor(length_unit)
     except QuantityError as error:
         raise InputError(f"length_unit of the tool's mesh: {error}", file=file) from None
-    points, triangles = read_triangles(Path(file))
+    points, triangles = read_triangles(Path(file), length_unit)
     points = points * scale
     points, triangles = weld(points, triangles, file)
     if blank is not None:
         _warn_of_size(points, blank, file, length_unit)
     triangles, orientation = oriented(points, triangles, file, blank)
+    if union:
+        # Imported here: few scenes unite solids.
+        from lcmchain.tools.surfaces.union import united
+
+        points, triangles, count = united(points, triangles, file)
+        orientation = replace(orientation, united=count)
     edge_of_side, _, edge_use = edges(triangles)
     surface = Surface(points, triangles, edge_of_side, edge_use, Path(file), orientation)
     if (edge_use > 2).any():
@@ -55,11 +65,16 @@ def read_surface(file: Path, length_unit: str, blank: np.ndarray | None = None) 
     return surface
 
 
-def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_triangles(file: Path, length_unit: str | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Read points in the unit of the file, shape [N, 3], and triangles, shape [T, 3].
 
     The file is read as targets of a mapping are; what the reader leaves out is a warning. Surface
     cells of any order are taken by their corners, quadrilaterals as two triangles.
+
+    Parameters
+    ----------
+    length_unit : that the file is going to be read with; a warning tells of a file that states
+        another one. None leaves it out.
 
     Raises
     ------
@@ -71,6 +86,7 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("the file is empty; export the tool's surface again", file=file)
     # Imported here: scenes without tools from files do without all readers.
     from lcmchain.mesh_files import read_mesh_file
+    from lcmchain.mesh_files.length_unit import stated_unit_hint
     from lcmchain.mesh_files.shapes import base_type
 
     mesh = read_mesh_file(file)
@@ -93,6 +109,8 @@ def read_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
         )
     for note in mesh.notes:
         warn(file, note)
+    if length_unit is not None and (hint := stated_unit_hint(mesh.unit, length_unit)) is not None:
+        warn(file, hint)
     if aside:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(aside.items()))
         warn(file, f"only triangles and quadrilaterals make a tool, left out are: {listed}")

@@ -25,6 +25,7 @@ class Orientation:
     reasons : what decided, in words, one for each way in which parts were decided.
     against_neighbours : triangles that were turned to agree with their neighbours.
     with_part : triangles that were turned with the whole of their part.
+    united : number of solids whose union the surface is, 0 where none were united.
     """
 
     closed: int
@@ -32,6 +33,7 @@ class Orientation:
     reasons: tuple[str, ...]
     against_neighbours: int
     with_part: int
+    united: int = 0
 
 
 @dataclass(frozen=True)
