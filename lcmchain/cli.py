@@ -27,6 +27,7 @@ from lcmchain.commands.fmu_infiltration import (
 )
 from lcmchain.commands.folders import default_out, output_folder
 from lcmchain.commands.identify import identify_app
+from lcmchain.commands.import_case import import_app
 from lcmchain.commands.map import map_fields
 from lcmchain.commands.new import new_app
 from lcmchain.commands.options import ModelRung, OutFolder, Overrides, SceneFile, Strict
@@ -66,6 +67,7 @@ app.add_typer(fmu_app, name="fmu")
 app.add_typer(new_app, name="new")
 app.add_typer(coupon_app, name="coupon")
 app.add_typer(identify_app, name="identify")
+app.add_typer(import_app, name="import")
 app.add_typer(verify_app, name="verify")
 app.add_typer(study_app, name="study")
 app.add_typer(pattern_app, name="pattern")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lcmchain.coupling.infiltration.report import FillingReport
 from lcmchain.coupling.infiltration.stage import FillOptions, Tell, fill_part
+from lcmchain.coupling.infiltration.unformed_part import unformed_part
 from lcmchain.errors import InputError
 from lcmchain.mapping import MappingOptions, MappingReport, map_forming
 from lcmchain.mapping.sheet import file_sha256
@@ -29,6 +30,7 @@ def map_and_fill(
 
     Parameters
     ----------
+    source : forming result, mapped file, or the mesh file of a case with a ``preform``.
     mesh : what is not mapped onto it yet is mapped first, into ``NAME.nc`` and its companions;
         None fills the mapped mesh, or the faces of the formed sheet.
     mapping : how it is mapped. Other arguments as of :func:`fill_part`.
@@ -41,6 +43,13 @@ def map_and_fill(
     if not path.is_file():
         raise InputError("there is no such file", file=path)
     options, mapping = options or FillOptions(), mapping or MappingOptions()
+    if case.preform is not None:
+        if mesh is not None:
+            raise InputError(
+                "is the mesh of a mapping; with a preform SOURCE itself is the mesh", key="--mesh"
+            )
+        part = unformed_part(path, case.preform, length_unit=mapping.length_unit)
+        return None, fill_part(part, case, name=name, out_dir=out_dir, options=options, tell=tell)
     report = None
     if mesh is not None:
         found = open_mapped(path)

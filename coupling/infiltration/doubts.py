@@ -86,7 +86,8 @@ def _regions(setup: FillingSetup, places: Places) -> Iterator[str]:
             )
     if setup.case.permeability is None:
         for region in regions:
-            if region.fibre_volume_fraction is not None and region.permeability_factor == 1.0:
+            given = region.own_permeability is not None or region.permeability_factor != 1.0
+            if region.fibre_volume_fraction is not None and not given:
                 yield (
                     f'the region "{region.name}" changes the fibre volume fraction, but not the '
                     "permeability, which stays as mapped; give the whole infiltration a "

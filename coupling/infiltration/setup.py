@@ -22,6 +22,7 @@ from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.permeable import require_permeable
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
+from lcmchain.coupling.infiltration.unformed_part import require_origin, with_own_permeability
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.places import Places, place_text
@@ -91,6 +92,7 @@ def set_up(
     InputError : a place that is not on the mesh, a place that is gate and vent, cells through which
         nothing can flow, or a piece of the mesh that no resin can reach.
     """
+    require_origin(part, case.preform)
     mesh = FlowMesh.from_target(part.target)
     places = _places(mesh, part.target)
     part = _with_regions(part, case, places, directory)
@@ -99,7 +101,8 @@ def set_up(
     preform = Preform.from_mapped(part.dataset, factor=factor)
     gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
     vents = tuple(
-        _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)
+        _vent(vent, case.vent_pressure, places, key, gates)
+        for key, vent in _keyed("vents", case.vents)
     )
     _require_apart(gates, vents, places)
     wetted = [places.nodes(place, key) for key, place in _keyed("wetted", case.wetted)]
@@ -128,7 +131,8 @@ def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
     places = _places(mesh, target)
     gates = tuple(_gate(gate, places, key) for key, gate in _keyed("gates", case.gates))
     vents = tuple(
-        _vent(vent, case.vent_pressure, places, key) for key, vent in _keyed("vents", case.vents)
+        _vent(vent, case.vent_pressure, places, key, gates)
+        for key, vent in _keyed("vents", case.vents)
     )
     _require_apart(gates, vents, places)
     _film(case.film, places)
@@ -171,6 +175,9 @@ def _with_regions(
             dataset[own] = dataset[own].copy(data=values / part.cell(name) * part.cell(own))
         dataset[name] = dataset[name].copy(data=values)
     part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
+    for region, rows in zip(case.regions, cells, strict=True):
+        if region.own_permeability is not None:
+            part = with_own_permeability(part, region.own_permeability, rows)
     dataset = part.dataset.copy()
     for name in PERMEABILITIES:
         if name in dataset:
@@ -209,11 +216,15 @@ def _gate(gate: scene.Gate, places: Places, key: str) -> Gate:
     )
 
 
-def _vent(vent: scene.Vent, least: float, places: Places, key: str) -> Vent:
+def _vent(vent: scene.Vent, least: float, places: Places, key: str, gates: Sequence[Gate]) -> Vent:
     pressure = least if vent.pressure is None else vent.pressure
-    return Vent(
-        vent.name, places.nodes(vent, key), pressure, _schedule(vent, places, key), not vent.bleeds
-    )
+    nodes = places.nodes(vent, key)
+    if vent.except_gates:
+        for gate in gates:
+            nodes = np.setdiff1d(nodes, gate.nodes)
+        if not len(nodes):
+            raise InputError("leaves no node: gates lie on all of it", key=f"{key}.except_gates")
+    return Vent(vent.name, nodes, pressure, _schedule(vent, places, key), not vent.bleeds)
 
 
 def _film(film: scene.ResinFilm | None, places: Places) -> Film | None:

@@ -32,7 +32,7 @@ def fill(
         Path,
         typer.Argument(
             metavar="SOURCE",
-            help="forming.nc of a run, a mapped file, or a scene whose forming is done.",
+            help="forming.nc, a mapped file, a scene whose forming is done, or an unformed mesh.",
         ),
     ],
     case: Annotated[

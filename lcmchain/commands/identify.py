@@ -39,6 +39,32 @@ Accept = Annotated[
         "--accept", help="Take the fit as it is where the law does not describe the data."
     ),
 ]
+Zero = Annotated[
+    str | None,
+    typer.Option(
+        "--zero",
+        metavar="ZERO",
+        help="Zero of load and travel: contact, preload, or the readings, as force=0.4 N,...",
+    ),
+]
+Without = Annotated[
+    str | None,
+    typer.Option("--without", metavar="WHAT", help="Leave out what is found of: slip, tear."),
+]
+Range = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--range",
+        metavar="RANGE",
+        help='Rows to fit, as "2 mm to 40 mm", "up to 40 mm", "A: from 2 mm" (specimen A).',
+    ),
+]
+
+
+def _rows(zero: str | None, without: str | None, ranges: list[str] | None) -> Any:
+    from lcmchain.identification.entering_rows import Wish
+
+    return Wish(zero, without, tuple(ranges or ()))
 
 
 def _size(option: str, default: str) -> Any:
@@ -56,6 +82,13 @@ def identify_shear(
     length: Annotated[str | None, _size("--length", "320 mm")] = None,
     width: Annotated[str | None, _size("--width", "160 mm")] = None,
     thickness: FabricThickness = None,
+    test: Annotated[
+        str, typer.Option(help="bias-extension, or picture-frame (--side).")
+    ] = "bias-extension",
+    side: Annotated[str | None, _size("--side", "200 mm")] = None,
+    measured_angle: Annotated[
+        bool, typer.Option("--measured-angle", help="Take the shear angle, not the displacement.")
+    ] = False,
     method: Annotated[
         str, typer.Option(help="force: fit the force; recursion: Eq. (22); printed: as printed.")
     ] = "force",
@@ -63,17 +96,21 @@ def identify_shear(
         str, typer.Option(help="Shear strain of the law: engineering or tensor.")
     ] = "engineering",
     noise_floor: NoiseFloor = 0.01,
+    zero: Zero = None,
+    without: Without = None,
+    ranges: Range = None,
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
-    """Shear polynomial from bias-extension tests: displacement, force."""
+    """Shear polynomial from bias extension or picture frame: displacement or angle, force."""
     from lcmchain.identification.from_file import identify_shear_file
 
-    sizes = {"length": length, "width": width, "thickness": thickness}
+    sizes = {"length": length, "width": width, "side": side, "thickness": thickness}
     _report_identification(
         data, out, lambda: identify_shear_file(
-            data, sizes, columns=columns, method=method, convention=convention,
-            noise_floor=noise_floor, accept=accept,
+            data, sizes, columns=columns, method=method, convention=convention, test=test,
+            measured_angle=measured_angle, noise_floor=noise_floor, accept=accept,
+            rows=_rows(zero, without, ranges),
         ),
     )  # fmt: skip
 
@@ -85,6 +122,8 @@ def identify_viscous(
     side: Annotated[str | None, _size("--side", "200 mm")] = None,
     thickness: FabricThickness = None,
     noise_floor: NoiseFloor = 0.01,
+    zero: Zero = None,
+    ranges: Range = None,
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
@@ -95,7 +134,8 @@ def identify_viscous(
     _report_identification(
         data, out,
         lambda: identify_viscous_file(
-            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept
+            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept,
+            rows=_rows(zero, None, ranges),
         ),
     )  # fmt: skip
 
@@ -108,6 +148,9 @@ def identify_off_axis(
     width: Annotated[str | None, _size("--strip-width", "40 mm")] = None,
     thickness: FabricThickness = None,
     noise_floor: NoiseFloor = 0.01,
+    zero: Zero = None,
+    without: Without = None,
+    ranges: Range = None,
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
@@ -118,7 +161,8 @@ def identify_off_axis(
     _report_identification(
         data, out,
         lambda: identify_off_axis_file(
-            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept
+            data, sizes, columns=columns, noise_floor=noise_floor, accept=accept,
+            rows=_rows(zero, without, ranges),
         ),
     )  # fmt: skip
 
@@ -134,16 +178,19 @@ def identify_compaction(
     table: Annotated[
         bool, typer.Option("--table", help="Find pressures at every shear angle, not one exponent.")
     ] = False,
+    zero: Zero = None,
+    ranges: Range = None,
     columns: ExportColumns = None,
     accept: Accept = False,
 ) -> None:
-    """Compaction law from plate-to-plate tests: thickness, pressure (and shear angle)."""
+    """Compaction law from plate-to-plate tests: thickness or fibre volume fraction, pressure."""
     from lcmchain.identification.from_file import identify_compaction_file
 
     sizes = {"thickness": thickness, "areal_mass": areal_mass, "fibre_density": fibre_density}
     _report_identification(
         data, out, lambda: identify_compaction_file(
-            data, sizes, columns=columns, noise_floor=noise_floor, table=table, accept=accept
+            data, sizes, columns=columns, noise_floor=noise_floor, table=table, accept=accept,
+            rows=_rows(zero, None, ranges),
         ),
     )  # fmt: skip
 

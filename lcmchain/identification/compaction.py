@@ -38,9 +38,12 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.quantities.units import LENGTH, PRESSURE
+from lcmchain.quantities.units import FRACTION, LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)
+FRACTION_NAME = "fibre volume fraction"
+#: Rows that tell the fibre volume fraction in place of the thickness (:func:`with_thickness`).
+FRACTION_COLUMNS = ((Column(FRACTION_NAME, FRACTION, loading=1), Column("pressure", PRESSURE)),)
 MINIMUM_ROWS = 6
 # Part of the largest pressure by which noise may take a reading of none below zero.
 LARGEST_PULL = 0.1
@@ -149,6 +152,22 @@ def identify_compaction(
         holds=judgement.holds,
     )
     return accepted(result, data.file, accept)
+
+
+def with_thickness(data: CouponData, solid_height: float) -> CouponData:
+    """Return rows with the thickness [m] that their fibre volume fraction tells.
+
+    solid_height : areal mass / fibre density [m].
+
+    Raises
+    ------
+    InputError : a fraction that is not between 0 and 1.
+    """
+    fraction = data[FRACTION_NAME]
+    wrong = np.flatnonzero((fraction <= 0.0) | (fraction >= 1.0))
+    if len(wrong):
+        raise data.wrong(FRACTION_NAME, wrong[0], "must lie between 0 and 1; write [%] of percents")
+    return replace(data, columns={**data.columns, "thickness": solid_height / fraction})
 
 
 def _fit_law(below: CouponData, thickness: float, noise_floor: float) -> Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,7 @@ class CouponData:
     lines : line of each row in the file, shape [row_count].
     specimen : number of the specimen of each row, from 0, shape [row_count].
     unused : headers of columns that nothing reads.
+    names : of the specimens by their numbers; empty where a file tells none apart.
     """
 
     file: str
@@ -44,6 +45,7 @@ class CouponData:
     lines: np.ndarray
     specimen: np.ndarray
     unused: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
@@ -54,7 +56,16 @@ class CouponData:
     def keep(self, rows: np.ndarray) -> CouponData:
         """Return the data with only some rows, given as a mask of shape [row_count]."""
         columns = {name: values[rows] for name, values in self.columns.items()}
-        return CouponData(self.file, columns, self.lines[rows], self.specimen[rows], self.unused)
+        return replace(self, columns=columns, lines=self.lines[rows], specimen=self.specimen[rows])
+
+    def shifted(self, name: str, zero: np.ndarray) -> CouponData:
+        """Return the data with a column that counts from another zero, shape [row_count]."""
+        return replace(self, columns={**self.columns, name: self.columns[name] - zero})
+
+    def name_of(self, row: int) -> str:
+        """Return the name of the specimen of a row; its number, from 1, where it has none."""
+        number = int(self.specimen[row])
+        return self.names[number] if self.names else str(number + 1)
 
     def wrong(self, column: str, row: int, message: str) -> InputError:
         """Return an error that names file, line and column of a row."""
@@ -92,9 +103,11 @@ def read_coupon(
         table=_table(path, layouts, columns),
     )  # fmt: skip
     specimen = np.zeros(len(read.lines), dtype=int)
+    names: tuple[str, ...] = ()
     if _SPECIMEN in read.texts:
-        specimen = np.unique(read.texts[_SPECIMEN], return_inverse=True)[1]
-    data = CouponData(str(path), read.columns, read.lines, specimen, read.unused)
+        unique, specimen = np.unique(read.texts[_SPECIMEN], return_inverse=True)
+        names = tuple(str(name) for name in unique)
+    data = CouponData(str(path), read.columns, read.lines, specimen, read.unused, names)
     _check_order(data, layout)
     return data
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
-from lcmchain.identification.result import SHOWN_UNITS, Identification, Panel, Parameter
+from lcmchain.identification.result import SHOWN_UNITS, Identification, LeftOut, Panel, Parameter
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # Largest factor between a curve and the end of its band that a logarithmic axis shows.
 WIDEST_BAND = 1e6
+# Grey of rows that do not enter the fit.
+LEFT_OUT = "#a9b0b8"
 
 
 def write_identification(result: Identification, folder: Path) -> tuple[Path, Path, Path]:
@@ -60,6 +62,15 @@ def as_json(result: Identification) -> dict:
             "determined": p.is_determined if math.isfinite(p.low) else None,
         }
 
+    def left_out(one: LeftOut) -> dict:
+        return {
+            "why": one.why,
+            "specimen": one.specimen or None,
+            "lines": [int(line) for line in one.lines],
+            "driven": [float(value) for value in one.driven],
+            "load": [float(value) for value in one.load],
+        }
+
     return {
         "lcmchain_version": __version__,
         "law": result.law,
@@ -81,6 +92,7 @@ def as_json(result: Identification) -> dict:
         "warnings": list(result.warnings),
         "objections": list(result.objections),
         "holds": result.holds or None,
+        **({"left_out": [left_out(one) for one in result.left_out]} if result.left_out else {}),
     }
 
 
@@ -156,6 +168,9 @@ def draw_fit(path: Path | str, result: Identification) -> None:
 
 
 def _draw_panel(axis, panel: Panel) -> None:
+    for number, points in enumerate(panel.left_out):
+        label = "left out" if number == 0 else None
+        axis.plot(points.x, points.y, "x", ms=2.8, mew=0.7, color=LEFT_OUT, label=label)
     for number, points in enumerate(panel.points):
         # Several sets of points (deflection curves) need several colours.
         colour = SERIES[number % len(SERIES)] if len(panel.points) > 1 else FAINT

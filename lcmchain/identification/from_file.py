@@ -6,7 +6,8 @@ every one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from lcmchain.identification import (
     bending_loop,
     cantilever_tests,
     compaction,
+    frame_tests,
     off_axis,
     pressure_table,
     relaxing_compaction,
@@ -27,7 +29,15 @@ from lcmchain.identification import (
     viscous_shear,
 )
 from lcmchain.identification.data import CouponData, read_coupon
-from lcmchain.identification.result import Identification
+from lcmchain.identification.entering_rows import (
+    WITHOUT,
+    Axes,
+    Wish,
+    entering_rows,
+    found_drops,
+    with_left_out,
+)
+from lcmchain.identification.result import FitRefusedError, Identification
 from lcmchain.quantities.units import (
     ANGLE,
     AREAL_MASS,
@@ -54,6 +64,14 @@ SIZES: dict[str, tuple[Dimension, Any, str]] = {
 }
 
 
+NOTHING_ASKED = Wish()
+#: Tests that tell the shear polynomial, and the sizes of their specimens.
+TESTS = {
+    "bias-extension": ("length", "width", "thickness"),
+    "picture-frame": ("side", "thickness"),
+}
+
+
 def identify_shear_file(
     path: Path,
     sizes: Mapping[str, str | None],
@@ -63,8 +81,15 @@ def identify_shear_file(
     convention: str = "engineering",
     noise_floor: float = 0.01,
     accept: bool = False,
+    rows: Wish = NOTHING_ASKED,
+    test: str = "bias-extension",
+    measured_angle: bool = False,
 ) -> Identification:
     """Identify the shear polynomial from a file; ``sizes``: length, width, thickness as text.
+
+    ``test``: ``"bias-extension"``, or ``"picture-frame"`` with the sizes side and thickness.
+    ``measured_angle`` takes a column ``shear angle`` also where there is a displacement.
+    ``rows``: zeros, slip and tear, and range (:mod:`lcmchain.identification.entering_rows`).
 
     ``accept`` takes the fit as it is where the law does not describe the data.
 
@@ -76,17 +101,42 @@ def identify_shear_file(
     _require_choice("--method", method, shear.METHODS)
     _require_choice("--convention", convention, ("engineering", "tensor"))
     _require_fraction("--noise-floor", noise_floor)
-    values, inputs = _sizes(sizes, ("length", "width", "thickness"))
-    try:
-        specimen = BiasExtension(**values)
-    except InputError as error:
-        raise InputError(error.message, key="--length and --width") from None
+    _require_choice("--test", test, TESTS)
+    values, inputs = _sizes(_suited(sizes, TESTS[test]), TESTS[test])
+    specimen: shear.Specimen
+    if test == "picture-frame":
+        specimen = PictureFrame(**values)
+        if method != "force":
+            raise InputError("a picture frame needs no recursion", key="--method")
+    else:
+        try:
+            specimen = BiasExtension(**values)
+        except InputError as error:
+            raise InputError(error.message, key="--length and --width") from None
     inputs.append(("convention", _CONVENTION[convention], f"--convention {convention}"))
-    data = read_coupon(path, shear.COLUMNS, minimum_rows=shear.MINIMUM_ROWS, columns=columns)
-    return shear.identify_shear(
-        data, specimen, method=method, convention=convention, noise_floor=noise_floor,
-        inputs=_with_file(inputs, data), accept=accept,
+    layouts = shear.ANGLE_COLUMNS if measured_angle else (*shear.COLUMNS, *shear.ANGLE_COLUMNS)
+    data = read_coupon(path, layouts, minimum_rows=shear.MINIMUM_ROWS, columns=columns)
+    axes = Axes(*(shear.COLUMNS if "displacement" in data else shear.ANGLE_COLUMNS)[0])
+    return _fitted(
+        lambda kept, told: shear.identify_shear(
+            kept, specimen, method=method, convention=convention, noise_floor=noise_floor,
+            inputs=told, accept=accept,
+        ),
+        data, _with_file(inputs, data), rows, axes, shear.MINIMUM_ROWS,
     )  # fmt: skip
+
+
+def _suited(sizes: Mapping[str, str | None], names: tuple[str, ...]) -> Mapping[str, str | None]:
+    """Return sizes of which none is given that a test does not have.
+
+    Raises
+    ------
+    InputError : one is.
+    """
+    for name, text in sizes.items():
+        if text is not None and name not in names:
+            raise InputError("is no size of this --test", key="--" + name.replace("_", "-"))
+    return sizes
 
 
 def identify_viscous_file(
@@ -96,6 +146,7 @@ def identify_viscous_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
+    rows: Wish = NOTHING_ASKED,
 ) -> Identification:
     """Identify shear polynomial and viscosity from a file; ``sizes``: side, thickness as text.
 
@@ -109,9 +160,13 @@ def identify_viscous_file(
     values, data, inputs = _test(
         path, sizes, ("side", "thickness"), viscous_shear, noise_floor, columns
     )
-    return viscous_shear.identify_viscous_shear(
-        data, PictureFrame(**values), noise_floor=noise_floor, inputs=inputs, accept=accept
-    )
+    driven, load = frame_tests.COLUMNS[1][:2]
+    return _fitted(
+        lambda kept, told: viscous_shear.identify_viscous_shear(
+            kept, PictureFrame(**values), noise_floor=noise_floor, inputs=told, accept=accept
+        ),
+        data, inputs, rows, Axes(driven, load, remembers=True), viscous_shear.MINIMUM_ROWS,
+    )  # fmt: skip
 
 
 def identify_off_axis_file(
@@ -121,6 +176,7 @@ def identify_off_axis_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
+    rows: Wish = NOTHING_ASKED,
 ) -> Identification:
     """Identify a unidirectional fabric from off-axis tension, as :func:`identify_shear_file`.
 
@@ -133,9 +189,12 @@ def identify_off_axis_file(
     """
     names = ("strip_length", "strip_width", "thickness")
     values, data, inputs = _test(path, sizes, names, off_axis, noise_floor, columns)
-    return off_axis.identify_off_axis(
-        data, length=values["strip_length"], width=values["strip_width"],
-        thickness=values["thickness"], noise_floor=noise_floor, inputs=inputs, accept=accept,
+    return _fitted(
+        lambda kept, told: off_axis.identify_off_axis(
+            kept, length=values["strip_length"], width=values["strip_width"],
+            thickness=values["thickness"], noise_floor=noise_floor, inputs=told, accept=accept,
+        ),
+        data, inputs, rows, Axes(*off_axis.COLUMNS[0][1:]), off_axis.MINIMUM_ROWS,
     )  # fmt: skip
 
 
@@ -147,12 +206,14 @@ def identify_compaction_file(
     noise_floor: float = 0.001,
     table: bool = False,
     accept: bool = False,
+    rows: Wish = NOTHING_ASKED,
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
     A file with a column ``shear angle`` tells the shear-compaction coupling too: one exponent, or
     with ``table`` pressures at every angle. A file with a column ``time`` whose tests hold their
-    gap in the end tells what relaxes.
+    gap in the end tells what relaxes. A column ``fibre volume fraction`` may stand in place of the
+    thickness.
 
     ``accept`` takes the fit as it is where the law does not describe the data.
 
@@ -163,23 +224,34 @@ def identify_compaction_file(
     """
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, ("thickness", "areal_mass", "fibre_density"))
-    layouts = (*sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS)
+    layouts = (
+        *sheared_compaction.SHEARED_COLUMNS, *compaction.COLUMNS, *compaction.FRACTION_COLUMNS,
+    )  # fmt: skip
     data = read_coupon(path, layouts, minimum_rows=compaction.MINIMUM_ROWS, columns=columns)
-    identify = compaction.identify_compaction
+    solid_height = values["areal_mass"] / values["fibre_density"]
+    axes = Axes(*compaction.COLUMNS[0])
+    if "thickness" not in data:
+        data = compaction.with_thickness(data, solid_height)
+        drawn = ("thickness", lambda fraction: solid_height / fraction)
+        axes = Axes(*compaction.FRACTION_COLUMNS[0], drawn=drawn)
+    identify, remembers = compaction.identify_compaction, False
     if sheared_compaction.SHEAR_ANGLE in data:
         identify = sheared_compaction.identify_sheared_compaction
         if table:
             identify = pressure_table.identify_pressure_table
     elif relaxing_compaction.held_rows(data).any():
-        identify = relaxing_compaction.identify_relaxing_compaction
+        identify, remembers = relaxing_compaction.identify_relaxing_compaction, True
     if table and sheared_compaction.SHEAR_ANGLE not in data:
         raise InputError(
             "needs tests of sheared fabric: a column as shear angle [deg]", key="--table", file=path
         )
-    return identify(
-        data, thickness=values["thickness"],
-        solid_height=values["areal_mass"] / values["fibre_density"], noise_floor=noise_floor,
-        inputs=_with_file(inputs, data), accept=accept,
+    return _fitted(
+        lambda kept, told: identify(
+            kept, thickness=values["thickness"], solid_height=solid_height,
+            noise_floor=noise_floor, inputs=told, accept=accept,
+        ),
+        data, _with_file(inputs, data), rows, axes._replace(remembers=remembers),
+        compaction.MINIMUM_ROWS,
     )  # fmt: skip
 
 
@@ -291,6 +363,32 @@ def _test(
     values, inputs = _sizes(sizes, names)
     data = read_coupon(path, kind.COLUMNS, minimum_rows=kind.MINIMUM_ROWS, columns=columns)
     return values, data, _with_file(inputs, data)
+
+
+def _fitted(
+    fit: Callable[[CouponData, tuple], Identification],
+    data: CouponData,
+    inputs: tuple,
+    wish: Wish,
+    axes: Axes,
+    fewest: int,
+) -> Identification:
+    """Return what ``fit`` finds in the rows that enter it, for data and table of inputs."""
+    rows = entering_rows(data, axes, wish, fewest)
+    drops = []
+    if wish.without is None and axes.load.name == "force" and not axes.remembers:
+        drops = found_drops(rows.data, axes)
+    told = [f"{words}: {WITHOUT} {kind} leaves that out" for kind, words in drops]
+    try:
+        result = fit(rows.data, (*inputs, *rows.told))
+    except FitRefusedError as error:
+        if not told:
+            raise
+        holds = "; ".join([error.result.holds, *told])
+        raise FitRefusedError(replace(error.result, holds=holds), data.file) from None
+    if told:
+        result = replace(result, warnings=(*result.warnings, *told))
+    return with_left_out(result, rows.left_out, axes)
 
 
 def _sizes(texts: Mapping[str, str | None], names):

@@ -168,15 +168,10 @@ def falling_row(
         values = load[rows]
         if len(values) < 3:
             continue
-        middle = np.array([np.median(values[max(i - 1, 0) : i + 2]) for i in range(len(values))])
-        middle[0], middle[-1] = min(middle[:2].min(), values[0]), min(middle[-1], middle[-2])
+        middle = medians(values)
         peak = np.maximum.accumulate(middle)
-        usable = np.abs(middle) > _FALL * np.max(np.abs(middle))
         least = max(noise_floor * float(np.max(np.abs(middle))), 1e-300)
-        ratio = (values[1:] - values[:-1]) / np.maximum(np.abs(middle[1:]), least)
-        # Second differences do not see the rise of the load, only its scatter.
-        rough = np.abs(np.diff(ratio))[usable[2:]]
-        noise = float(np.median(rough)) / (0.6745 * math.sqrt(6.0)) if len(rough) else 0.0
+        noise = relative_scatter(values, middle, least)
         size = np.maximum(peak, least) if noise_floor > 0.0 else peak
         fallen = peak - values > np.maximum(_FALL * peak, _FALL_IN_NOISE * noise * size)
         # What is small against the whole test is the start of it, not its end.
@@ -188,6 +183,26 @@ def falling_row(
         if fallen.any():
             first.append(rows[int(np.argmax(fallen))])
     return int(min(first)) if first else None
+
+
+def medians(load: np.ndarray) -> np.ndarray:
+    """Return the load without its single peaks: medians of three, the lesser one at the ends."""
+    middle = np.array([np.median(load[max(i - 1, 0) : i + 2]) for i in range(len(load))])
+    middle[0], middle[-1] = min(middle[:2].min(), load[0]), min(middle[-1], middle[-2])
+    return middle
+
+
+def relative_scatter(load: np.ndarray, middle: np.ndarray, least: float = 1e-300) -> float:
+    """Return the standard deviation of a load over itself; a rise does not count.
+
+    load, middle : of three rows or more in the order of loading, and their medians.
+    least : smallest value that it is taken over.
+    """
+    usable = np.abs(middle) > _FALL * np.max(np.abs(middle))
+    ratio = (load[1:] - load[:-1]) / np.maximum(np.abs(middle[1:]), least)
+    # Second differences do not see the rise of the load, only its scatter.
+    rough = np.abs(np.diff(ratio))[usable[2:]]
+    return float(np.median(rough)) / (0.6745 * math.sqrt(6.0)) if len(rough) else 0.0
 
 
 def longest_range(

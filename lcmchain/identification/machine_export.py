@@ -21,7 +21,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.csv_columns import MOST_BYTES, Column, Table
-from lcmchain.quantities.units import QuantityError, parse_quantity
+from lcmchain.quantities.units import FRACTION, QuantityError, parse_quantity
 
 #: The option that confirms what the columns of an export are.
 OPTION = "--columns"
@@ -37,6 +37,7 @@ WORDS = {
     "temperature": "temperature temperatur température temperatura temperatuur",
     "thickness": "thickness gap dicke spalt épaisseur entrefer espesor spessore dikte",
     "pressure": "pressure stress druck spannung pression contrainte presión pressione druk",
+    "fibre volume fraction": "fraction volumenanteil faservolumengehalt fvg fvf vf",
     "shear angle": "shear scher schub cisaillement cizalladura cizallamiento taglio afschuif",
     "shear stress": "shear schub scher cisaillement cizalladura cizallamiento taglio afschuif",
     "angle": "angle winkel ángulo angolo hoek",
@@ -290,6 +291,8 @@ def _recognised(
 
 
 def _has_dimension(unit: str, column: Column) -> bool:
+    if column.dimension is FRACTION:
+        return unit in ("", "-", "1", "%")
     try:
         parse_quantity(f"1 {_spelled(unit)}", column.dimension)
     except QuantityError:
@@ -362,7 +365,7 @@ def _own_table(specimens: Sequence[Specimen], chosen: Mapping[str, int], path: P
         cells = [row[place] for one in specimens for row in one.rows]
         columns.append(_with_points(cells, first.names[place], path))
     headers.append("specimen")
-    columns.append([f"{n:06d}" for n, one in enumerate(specimens) for _ in one.rows])
+    columns.append([f"{n:06d}" for n, one in enumerate(specimens, 1) for _ in one.rows])
     lines = np.array([line for one in specimens for line in one.lines])
     left = tuple(name for place, name in enumerate(first.names) if place not in chosen.values())
     return Table(tuple(headers), np.array(columns, dtype=object).T, lines, left)

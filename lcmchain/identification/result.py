@@ -70,8 +70,30 @@ class Points:
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """Rows of a test that do not enter the fit.
+
+    Attributes
+    ----------
+    why : in words, with numbers.
+    specimen : name of it, empty where the file has only one.
+    lines : of the rows in the file, shape [row_count].
+    driven, load : displacement, thickness or angle, and force or pressure [SI], shape [row_count].
+    """
+
+    why: str
+    specimen: str
+    lines: np.ndarray
+    driven: np.ndarray
+    load: np.ndarray
+
+
+@dataclass(frozen=True)
 class Panel:
-    """One diagram of the fit, in the units written on its axes."""
+    """One diagram of the fit, in the units written on its axes.
+
+    ``left_out``: measured points that did not enter the fit.
+    """
 
     x_label: str
     y_label: str
@@ -81,6 +103,7 @@ class Panel:
     log_y: bool = False
     is_residual: bool = False
     data_end: float | None = None
+    left_out: tuple[Points, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -108,6 +131,7 @@ class Identification:
         accepted (:func:`accepted`).
     holds : over which range the law describes them, in words; empty without objections.
     panels : diagrams.
+    left_out : rows that were asked to be left out.
     """
 
     law: str
@@ -128,6 +152,7 @@ class Identification:
     panels: tuple[Panel, ...] = field(repr=False)
     objections: tuple[str, ...] = ()
     holds: str = ""
+    left_out: tuple[LeftOut, ...] = ()
 
     def __getitem__(self, name: str) -> Parameter:
         for parameter in (*self.parameters, *self.derived):

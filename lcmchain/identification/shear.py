@@ -1,14 +1,20 @@
-"""Shear polynomial C12(|E12|), Eq. (21), from the force curve of bias-extension tests."""
+"""Shear polynomial C12(|E12|), Eq. (21), from the force of bias extension or a picture frame.
+
+The shear angle is that of the machine's travel in a net of inextensible fibres, or was measured on
+the fabric. A measured angle knows of no slip: the force is then that of the net which is sheared so
+far, and what the machine has travelled beyond it counts as slip.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lcmchain.coupons.analytic import BiasExtension, shear_strain
+from lcmchain.coupons.analytic import BiasExtension, PictureFrame, shear_strain
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
 from lcmchain.identification.lack_of_fit import (
@@ -33,10 +39,15 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.quantities.units import FORCE, LENGTH
+from lcmchain.quantities.units import ANGLE, FORCE, LENGTH
 
+#: A specimen in which the angle follows from the displacement, and the force from the stress.
+Specimen = BiasExtension | PictureFrame
 COLUMNS = ((Column("displacement", LENGTH, loading=1), Column("force", FORCE)),)
+#: Tests whose shear angle was measured on the fabric.
+ANGLE_COLUMNS = ((Column("shear angle", ANGLE, loading=1), Column("force", FORCE)),)
 MINIMUM_ROWS = 8
+LARGEST_MEASURED_ANGLE = math.radians(85.0)
 METHODS = {
     "force": "least squares of the energetic force, linear in s0 ... s4",
     "recursion": "S12 by the recursion of Eq. (22) with the full power of zone B, then polynomial",
@@ -54,7 +65,7 @@ LARGEST_PLAUSIBLE_ANGLE = math.radians(70.0)
 
 def identify_shear(
     data: CouponData,
-    specimen: BiasExtension,
+    specimen: Specimen,
     *,
     method: str = "force",
     convention: str = "engineering",
@@ -73,8 +84,8 @@ def identify_shear(
 
     Parameters
     ----------
-    data : columns displacement [m] and force [N].
-    specimen : geometry of the test.
+    data : columns displacement [m] or shear angle [rad], and force [N].
+    specimen : geometry of the test; a picture frame needs the method ``"force"``.
     convention : S12 = C12 2 E12 (``"engineering"``) or C12 E12 (``"tensor"``).
     noise_floor : smallest noise of the force relative to the largest force.
     bootstrap_count, seed : parametric bootstrap behind the intervals of the recursion, where the
@@ -94,7 +105,7 @@ def identify_shear(
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
     data = _loaded_rows(data, specimen)
-    angle, force = specimen.shear_angle(data["displacement"]), data["force"]
+    angle, force = _angles(data, specimen), data["force"]
     factor = {"engineering": 2.0, "tensor": 1.0}[convention]
     design = force_design(specimen, angle, factor)
     secant = mean_secant(design, force)
@@ -102,19 +113,16 @@ def identify_shear(
         raise InputError("the force is not positive; tension counts as positive", file=data.file)
     rising = rising_stress(secant)
     share = 0.5 if method == "printed" else 1.0
-    _, _, sheared = specimen.zone_areas
-    stress_per_force = specimen.displacement_slope(angle) / (
-        specimen.thickness * sheared * np.cos(angle)
-    )
 
     def fit_force(values: np.ndarray, at_least=None) -> Fit:
         return fit_linear(design, values, noise_floor, at_least=at_least)
 
     def fit_stress(values: np.ndarray, at_least=None) -> Fit:
         stress = stress_from_force(specimen, angle, values, data.specimen, share=share)
+        per_force = _own_stress_per_force(specimen, angle)
         return fit_linear(
             stress_design(angle, factor), stress, noise_floor, at_least=at_least,
-            scale_of=lambda s: stress_per_force * noise_scale(design @ s, values, noise_floor),
+            scale_of=lambda s: per_force * noise_scale(design @ s, values, noise_floor),
         )  # fmt: skip
 
     fit_once = fit_force if method == "force" else fit_stress
@@ -145,7 +153,7 @@ def identify_shear(
     warnings += _shear_warnings(fit, angle)
     result = Identification(
         law="shear",
-        method=METHODS[method],
+        method=METHODS[method] + (" (picture frame)" if isinstance(specimen, PictureFrame) else ""),
         noise_model="independent errors of the force, relative to it, at least "
         f"{100 * noise_floor:g} % of the largest force",
         interval_method=spread.name,
@@ -183,6 +191,21 @@ class _Judgement:
     holds: str
 
 
+def _angles(data: CouponData, specimen: Specimen) -> np.ndarray:
+    """Return the shear angle [rad] of the rows: measured, or that of their displacement."""
+    if "displacement" in data:
+        return specimen.shear_angle(data["displacement"])
+    return data["shear angle"]
+
+
+def _own_stress_per_force(specimen: Specimen, angle: np.ndarray) -> np.ndarray:
+    """Return S12 [Pa] per force of its own angle [N]; at half of it counts as known."""
+    if isinstance(specimen, PictureFrame):
+        return 1.0 / specimen.force(angle, np.ones_like)
+    _, _, sheared = specimen.zone_areas
+    return specimen.displacement_slope(angle) / (specimen.thickness * sheared * np.cos(angle))
+
+
 def _judge(data: CouponData, specimen, angle, design, rising, noise_floor: float) -> _Judgement:
     """Judge the direct fit of the force, which every method stands or falls with."""
     force = data["force"]
@@ -209,15 +232,16 @@ def _judge(data: CouponData, specimen, angle, design, rising, noise_floor: float
             "of angles from zero on; check the zeros of force and displacement, and the sizes",
         )  # fmt: skip
     last = int(sound[rows][np.argmax(angle[sound][rows])])
+    way = f"{1e3 * data['displacement'][last]:.4g} mm, " if "displacement" in data else ""
     return _Judgement(
         lack, tuple(objections), float(angle[last]),
         f"a fit of the rows up to {np.degrees(angle[last]):.1f} deg "
-        f"({1e3 * data['displacement'][last]:.4g} mm, line {data.lines[last]}) describes them; "
+        f"({way}line {data.lines[last]}) describes them; "
         "remove the rows beyond",
     )  # fmt: skip
 
 
-def _failures(data: CouponData, specimen: BiasExtension, angle) -> tuple[list[str], float]:
+def _failures(data: CouponData, specimen: Specimen, angle) -> tuple[list[str], float]:
     """Tell in words where the specimen tears or slips; up to which angle [rad] it does neither."""
     found, limit = [], math.inf
     force = data["force"]
@@ -240,7 +264,7 @@ def _failures(data: CouponData, specimen: BiasExtension, angle) -> tuple[list[st
             f"{np.degrees(limit):.1f} deg and falls at {np.degrees(angle[slipped]):.1f} deg: the "
             "yarns slip there instead of shearing"
         )
-    if angle.max() > LARGEST_PLAUSIBLE_ANGLE:
+    if angle.max() > LARGEST_PLAUSIBLE_ANGLE and _is_net(data, specimen):
         found.append(
             f"the angle of a pin-jointed net reaches {np.degrees(angle.max()):.1f} deg, which no "
             f"fabric shears to (at most {np.degrees(LARGEST_PLAUSIBLE_ANGLE):.0f} deg): the yarns "
@@ -248,6 +272,11 @@ def _failures(data: CouponData, specimen: BiasExtension, angle) -> tuple[list[st
         )
         limit = min(limit, LARGEST_PLAUSIBLE_ANGLE)
     return found, limit
+
+
+def _is_net(data: CouponData, specimen: Specimen) -> bool:
+    """Tell whether the angle is that of a net, which the fabric may not have followed."""
+    return "displacement" in data and isinstance(specimen, BiasExtension)
 
 
 def _knee(angle: np.ndarray, stress: np.ndarray) -> float:
@@ -322,7 +351,7 @@ def rising_stress(secant: float) -> tuple[np.ndarray, np.ndarray]:
     return tangent, np.full(len(_STRAIN), _SMALLEST_TANGENT * secant)
 
 
-def force_design(specimen: BiasExtension, angle: np.ndarray, factor: float) -> np.ndarray:
+def force_design(specimen: Specimen, angle: np.ndarray, factor: float) -> np.ndarray:
     """Return the force [N] per unit of each coefficient, shape [point_count, 5]."""
     return np.stack(
         [
@@ -339,7 +368,7 @@ def stress_design(angle: np.ndarray, factor: float) -> np.ndarray:
 
 
 def stress_from_force(
-    specimen: BiasExtension,
+    specimen: Specimen,
     angle: np.ndarray,
     force: np.ndarray,
     number: np.ndarray,
@@ -348,8 +377,11 @@ def stress_from_force(
 ) -> np.ndarray:
     """Return S12 [Pa] at the measured shear angles, by Eq. (22) within each specimen.
 
-    The force between the measured angles follows a monotone cubic through the origin.
+    The force between the measured angles follows a monotone cubic through the origin. In a picture
+    frame all fabric has one angle.
     """
+    if isinstance(specimen, PictureFrame):
+        return force / specimen.force(angle, np.ones_like)
     stress = np.empty_like(force)
     for one in np.unique(number):
         rows = number == one
@@ -362,14 +394,17 @@ def stress_from_force(
     return stress
 
 
-def _loaded_rows(data: CouponData, specimen: BiasExtension) -> CouponData:
+def _loaded_rows(data: CouponData, specimen: Specimen) -> CouponData:
+    if "displacement" not in data:
+        return _sheared_rows(data)
     limit = specimen.locking_displacement
+    sizes = "side" if isinstance(specimen, PictureFrame) else "length, width"
     beyond = np.flatnonzero(data["displacement"] >= limit * (1.0 - 1e-6))
     if len(beyond):
         raise data.wrong(
             "displacement", beyond[0],
             f"is {data['displacement'][beyond[0]] * 1e3:g} mm; the fibres of this specimen are "
-            f"parallel at {limit * 1e3:.4g} mm, check length, width and unit",
+            f"parallel at {limit * 1e3:.4g} mm, check {sizes} and unit",
         )  # fmt: skip
     loaded = data["displacement"] > 0.0  # without displacement the force holds no stiffness
     if np.count_nonzero(loaded) < MINIMUM_ROWS:
@@ -377,6 +412,18 @@ def _loaded_rows(data: CouponData, specimen: BiasExtension) -> CouponData:
             f"fewer than {MINIMUM_ROWS} rows have a positive displacement", file=data.file
         )
     return data.keep(loaded)
+
+
+def _sheared_rows(data: CouponData) -> CouponData:
+    angle = data["shear angle"]
+    beyond = np.flatnonzero(angle > LARGEST_MEASURED_ANGLE)
+    if len(beyond):
+        raise data.wrong("shear angle", beyond[0], "is more than 85 deg; check the unit")
+    if np.count_nonzero(angle > 0.0) < MINIMUM_ROWS:
+        raise InputError(
+            f"fewer than {MINIMUM_ROWS} rows have a positive shear angle", file=data.file
+        )
+    return data.keep(angle > 0.0)
 
 
 def _shear_warnings(fit: Fit, angle: np.ndarray) -> list[str]:
@@ -399,11 +446,25 @@ def _shear_warnings(fit: Fit, angle: np.ndarray) -> list[str]:
     return found
 
 
+class _Axis(NamedTuple):
+    label: str
+    factor: float
+
+
+def _drawn(data: CouponData) -> tuple[np.ndarray, _Axis]:
+    """Return what the rows are drawn over, and its axis."""
+    if "displacement" in data:
+        return data["displacement"], _Axis("displacement [mm]", 1e3)
+    return data["shear angle"], _Axis("shear angle [deg]", 180.0 / math.pi)
+
+
 def _panels(
     data, specimen, angle, coefficients, spread, residuals, factor, share, judgement: _Judgement
 ):
-    displacement = np.linspace(0.0, data["displacement"].max(), 201)[1:]
-    design = force_design(specimen, specimen.shear_angle(displacement), factor)
+    driven, unit = _drawn(data)
+    way = np.linspace(0.0, driven.max(), 201)[1:]
+    way_angle = specimen.shear_angle(way) if "displacement" in data else way
+    design = force_design(specimen, way_angle, factor)
     law_angle = np.linspace(0.0, 0.5 * np.pi, 181)
     law = stress_design(law_angle, factor)
     stiffness = shear_strain(law_angle)[:, None] ** np.arange(COEFFICIENT_COUNT)
@@ -418,15 +479,17 @@ def _panels(
             low, high = np.fmin(low, curve) - missed, np.fmax(high, curve) + missed
         return Band(x, scale * curve, label, scale * low, scale * high)
 
-    u = 1e3 * data["displacement"]
+    u = unit.factor * driven
     degrees = np.degrees(angle)
     secant = stress / (factor * shear_strain(angle))
     name = "Eq. (22) of the data" + (", as printed" if share != 1.0 else "")
+    if isinstance(specimen, PictureFrame):
+        name = "from the force"
     return (
         Panel(
-            "displacement [mm]", "force [N]",
+            unit.label, "force [N]",
             (Points(u, data["force"], "measured", data.specimen),),
-            (band(1e3 * displacement, design, 1.0, "fit", specimen.shear_angle(displacement)),),
+            (band(unit.factor * way, design, 1.0, "fit", way_angle),),
         ),
         Panel(
             "shear angle [deg]", "shear stress S12 [MPa]",
@@ -434,7 +497,7 @@ def _panels(
             (band(np.degrees(law_angle), law, 1e-6, "law", law_angle),), data_end=end,
         ),
         Panel(
-            "displacement [mm]", "residual [%]",
+            unit.label, "residual [%]",
             (Points(u, 100.0 * residuals, "measured", data.specimen),), is_residual=True,
         ),
         Panel(

@@ -102,12 +102,14 @@ class Places:
         ------
         InputError : as of :meth:`nodes`, or no edge there.
         """
-        if where.rim or where.loop is not None:
+        if where.rim or where.loop is not None or where.boundary is not None:
             loops = self.loops
             if not loops:
                 raise InputError("the mesh is closed: it has no boundary", key=key)
             if where.rim:
                 return self.outermost()
+            if where.boundary is not None:
+                return self._numbered_loop(where.boundary, key)
             return self._nearest_loop(np.array(where.loop), key)
         inside = np.zeros(len(self.points), dtype=bool)
         inside[self.nodes(where, key)] = True
@@ -256,6 +258,18 @@ class Places:
                 key=f"{key}.polygon",
             )
         return np.flatnonzero(inside)
+
+    def _numbered_loop(self, number: int, key: str) -> np.ndarray:
+        if number > len(self.loops):
+            there = "; ".join(
+                f"{k} at {place_text(self.points[loop[0, 0]])}"
+                for k, loop in enumerate(self.loops[:10], start=1)
+            )
+            raise InputError(
+                f"is {number}, but the mesh has {len(self.loops)} closed boundaries: {there}",
+                key=f"{key}.boundary",
+            )
+        return self.loops[number - 1]
 
     def _nearest_loop(self, point: np.ndarray, key: str) -> np.ndarray:
         rows = [np.unique(loop) for loop in self.loops]

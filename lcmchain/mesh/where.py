@@ -9,9 +9,11 @@ from pydantic import Field, model_validator
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Name,
+    Number,
     PointInPlane,
     Position,
     PositiveLength,
+    Range,
     Row,
     Switch,
     Text,
@@ -20,7 +22,7 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.quantities.scene_model import SceneModel
 
 #: Entries that name a place, beside ``rim``.
-WAYS = ("set", "point", "box", "polygon", "loop")
+WAYS = ("set", "point", "box", "polygon", "loop", "boundary")
 
 Corners = Annotated[
     tuple[Position, Position],
@@ -35,7 +37,7 @@ CornersInPlane = Row(
 
 
 class Where(SceneModel):
-    """A place of the mesh: one of ``set``, ``point``, ``box``, ``polygon``, ``rim``, ``loop``."""
+    """A place of the mesh: a set, a point, a box, a polygon, the rim, or another boundary."""
 
     set: Annotated[Annotated[str, Text("GATE")] | None, AbsentMeans("")] = Field(
         default=None,
@@ -62,6 +64,13 @@ class Where(SceneModel):
         description="Nodes on the closed boundary that passes nearest to this point, as of a hole.",
     )
 
+    boundary: Annotated[
+        Annotated[int, Number(2, Range(1, 10_000), whole=True)] | None, AbsentMeans("")
+    ] = Field(
+        default=None,
+        description="Nodes on a closed boundary by its number: 1 is the longest, 2 the next.",
+    )
+
     @property
     def ways(self) -> list[str]:
         """Ways in which the place is given."""
@@ -82,6 +91,8 @@ class Where(SceneModel):
             return f"polygon of {len(self.polygon)} corners"
         if self.loop is not None:
             return f"boundary next to {_place(self.loop)}"
+        if self.boundary is not None:
+            return f"boundary {self.boundary}"
         return "rim" if self.rim else "everywhere"
 
     @model_validator(mode="after")

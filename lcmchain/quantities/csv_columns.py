@@ -13,7 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
+from lcmchain.quantities.units import (
+    FRACTION,
+    Dimension,
+    QuantityError,
+    parse_fraction,
+    parse_quantity,
+)
 from lcmchain.text_files import decode_text
 
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
@@ -237,6 +243,15 @@ def _unit_scale(
     name: str, unit: str | None, dimension: Dimension, path: Path
 ) -> tuple[float, float]:
     """Return what 1 of a unit is in SI units over 0 of it, and what 0 is, as of degC."""
+    if dimension is FRACTION:
+        try:
+            return parse_fraction(f"1 {unit or ''}"), 0.0
+        except QuantityError:
+            raise InputError(
+                f'column "{name}": "{unit}" is no unit of a fraction; write "{name} [%]", or '
+                f'"{name} [1]"',
+                file=path,
+            ) from None
     if unit is None:
         raise InputError(
             f'column "{name}" has no unit; write for example "{name} [{dimension.common_units[0]}]"'

@@ -93,6 +93,8 @@ PERMEABILITY = Dimension(
     "permeability", "m^2", "5e-11 m^2", ("m^2", "um^2", "mm^2", "darcy"), 1e-30, 1.0
 )
 SPRING = Dimension("spring stiffness", "N/m", "0.5 N/mm", ("N/mm", "N/m", "kN/m"), 1e-12, 1e15)
+#: A share of a whole; files write it as a plain number or in percent (:func:`parse_fraction`).
+FRACTION = Dimension("fraction", "1", "0.55", ("%", "1", "-"), 1e-9, 1.0)
 VISCOSITY = Dimension("viscous damping", "N*s/m", "5 N*s/m", ("N*s/m", "kg/s"), 1e-15, 1e15)
 
 
@@ -168,6 +170,23 @@ def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> 
     complaint = dimension.complaint(value, is_size=is_size)
     if complaint:
         raise QuantityError(f'"{text}" is {complaint}; {needed}')
+    return value
+
+
+def parse_fraction(text: str) -> float:
+    """Read a share as ``"0.55"`` or ``"55 %"``.
+
+    Raises
+    ------
+    QuantityError : no number, another unit, or more than 1.
+    """
+    match = _NUMBER_AND_UNIT.fullmatch(text)
+    unit = "" if match is None else (match[2] or "").strip()
+    if match is None or unit not in ("", "1", "-", "%"):
+        raise QuantityError(f'"{text}" is no fraction; write "0.55" or "55 %"')
+    value = float(match[1]) * (0.01 if unit == "%" else 1.0)
+    if not abs(value) <= FRACTION.largest:
+        raise QuantityError(f'"{text}" is more than 1; write "0.55" or "55 %"')
     return value
 
 

@@ -122,10 +122,16 @@ class Vent(_Opening):
         description="Resin leaves there once the front has come; without it each node closes then.",
     )
 
+    except_gates: Switch = Field(
+        default=False,
+        description="Nodes of gates are left out, as where a gate lies on the rim that vents.",
+    )
+
     @property
     def in_words(self) -> str:
         """Place and times, for the check of a scene."""
-        return super().in_words + (f", {self.when}" if self.when else "")
+        but = " but the gates" if self.except_gates else ""
+        return super().in_words + but + (f", {self.when}" if self.when else "")
 
 
 def _text(gate: Gate) -> str:

@@ -31,6 +31,7 @@ from lcmchain.scene.gates import Arrival, Gate, Vent
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.over_time import Times, as_row, require_times
 from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.preform import OwnPermeability, Preform
 from lcmchain.scene.resin import Resin
 from lcmchain.scene.with_forming import WithForming
 
@@ -50,19 +51,28 @@ class Region(NamedPlace):
         description="Share of the fibres in the volume; with a permeability law of the whole "
         "infiltration the permeability follows it.",
     )
+    own_permeability: Annotated[OwnPermeability | None, AbsentMeans("as mapped, or by law")] = (
+        Field(
+            default=None,
+            description="Permeability along axes of its own, in place of that of a law.",
+        )
+    )
     permeability_factor: Annotated[float, Number(1.0, POSITIVE)] = Field(
         default=1.0, description="Factor of all permeabilities."
     )
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
-        if self.rim or self.loop is not None:
+        if self.rim or self.loop is not None or self.boundary is not None:
             raise wrong("takes cells: name a set, a box or a point with its radius")
         if self.point is not None and self.radius is None:
             raise wrong("needs the radius around the point within which cells lie", field="radius")
-        changes = self.thickness, self.fibre_volume_fraction
-        if changes == (None, None) and self.permeability_factor == 1.0:
-            raise wrong("changes nothing; give thickness, fibre_volume_fraction or a factor")
+        changes = self.thickness, self.fibre_volume_fraction, self.own_permeability
+        if changes == (None, None, None) and self.permeability_factor == 1.0:
+            raise wrong(
+                "changes nothing; give thickness, fibre_volume_fraction, own_permeability or a "
+                "factor"
+            )
         return self
 
 
@@ -134,6 +144,10 @@ class Infiltration(SceneModel):
         default="0 MPa",  # type: ignore[assignment]
         description="Pressure of the vents and of the air in the dry preform, the least there is; "
         "all pressures are gauge, or all absolute.",
+    )
+    preform: Annotated[Preform | None, AbsentMeans("of the forming result")] = Field(
+        default=None,
+        description="What fills a mesh that was not formed here; SOURCE is then the mesh file.",
     )
     permeability: Annotated[Permeability | None, AbsentMeans("of the forming result")] = Field(
         default=None,
@@ -218,6 +232,8 @@ class Infiltration(SceneModel):
             raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
         if self.with_forming is not None:
             self._check_with_forming()
+        if self.preform is not None:
+            self._check_preform()
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -263,8 +279,25 @@ class Infiltration(SceneModel):
             raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
         return self
 
+    def _check_preform(self) -> None:
+        """Refuse what a preform that was not formed here knows nothing of."""
+        for name, why in (
+            ("permeability", "is a law of formed fibres; give preform.permeability"),
+            ("closure", "presses by the law of the fabric that was formed; leave it out"),
+        ):
+            if getattr(self, name) is not None:
+                raise wrong(f"{why}, or fill a formed part", field=name)
+
     def _check_with_forming(self) -> None:
         """Refuse what makes no sense, or is not known, while the blank is formed."""
+        if self.preform is not None:
+            raise wrong("is none of a blank that is formed; leave it out", field="preform")
+        if any(region.own_permeability is not None for region in self.regions):
+            raise wrong(
+                "has an own_permeability, but with_forming takes that of the fibres as they lie; "
+                "give a permeability_factor",
+                field="regions",
+            )
         for name in ("closure", "race_tracks", "frame_interval"):
             if getattr(self, name):
                 raise wrong("cannot be combined with with_forming; leave it out", field=name)

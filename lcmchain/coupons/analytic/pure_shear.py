@@ -139,6 +139,11 @@ class PictureFrame:
     side: float
     thickness: float
 
+    @property
+    def locking_displacement(self) -> float:
+        """Displacement at which the sides would be parallel, γ = 90° [m]."""
+        return (2.0 - math.sqrt(2.0)) * self.side
+
     def shear_angle(self, displacement: ArrayLike) -> np.ndarray:
         """Return the shear angle [rad] at a displacement of the corner along the diagonal [m]."""
         cosine = 1.0 / math.sqrt(2.0) + np.asarray(displacement) / (2.0 * self.side)

@@ -47,6 +47,9 @@ _NAMED_PROPERTY = (
     re.compile(r"Femap(?:\s+with\s+NX\s+Nastran)?\s+Property\s+(\d+)\s*:\s*(.*)"),
 )
 
+#: What is noted of sets that may be of nodes or of elements.
+AMBIGUOUS_SETS = "the deck does not say whether these sets list nodes or elements"
+
 
 class Members(NamedTuple):
     """Numbers that a set lists, and those listed singly: ranges may well have gaps."""
@@ -126,8 +129,7 @@ def fill_sets(
         )
     if doubtful:
         mesh.notes_of_sets.append(
-            "the deck does not say whether these sets list nodes or elements, they are kept as "
-            f"both: {', '.join(doubtful[:8])}"
+            f"{AMBIGUOUS_SETS}, they are kept as both: {', '.join(doubtful[:8])}"
         )
     if lost:
         mesh.notes_of_sets.append(

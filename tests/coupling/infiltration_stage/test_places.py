@@ -46,6 +46,17 @@ def test_the_rim_is_the_outer_boundary_and_a_loop_is_the_one_at_a_point(places):
     assert len(edges) == 4 and set(map(tuple, edges)) == {(9, 10), (9, 13), (10, 14), (13, 14)}
 
 
+def test_boundaries_are_numbered_from_the_longest_on(places):
+    assert (
+        places.nodes(Where(boundary=1), KEY).tolist() == places.nodes(Where(rim=True), KEY).tolist()
+    )
+    assert places.nodes(Where(boundary=2), KEY).tolist() == [9, 10, 13, 14]
+    with pytest.raises(
+        InputError, match=r"boundary: is 3, but the mesh has 2 closed boundaries: 1 "
+    ):
+        places.nodes(Where(boundary=3), KEY)
+
+
 def test_a_radius_smaller_than_the_cells_takes_the_nearest_node(places):
     assert places.nodes(Where(point=(0.051, 0.0, 0.0), radius=1e-4), KEY).tolist() == [4]
 

@@ -1,0 +1,374 @@
+"""Filling cases of RTMsim and LCMsim, read as data and written as a case of this program.
+
+RTMsim, and LCMsim in its first version, have an input file of fourteen lines: mesh, times, fluid,
+pressures, the properties of the main preform and of four sets, and what the sets are. LCMsim from
+its second version on has a table of parts and one of parameters. All numbers are in SI units.
+
+Sources: RTMsim 1.0.4, page on input parameters; LCMsim_v2 and _v3, pages on part description and
+simulation parameters (Obertscheider, Fauster and others).
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+from lcmchain.errors import InputError
+from lcmchain.mapping.target import read_target
+
+BASE, INLET, PATCH, OUTLET, IGNORED = "base", "inlet", "patch", "outlet", "ignored"
+# What numbers of the input file mean.
+_TYPES = {0: IGNORED, 1: INLET, 2: PATCH, 3: OUTLET}
+_LINES = 14
+_SETS = 4
+#: Model of both programs in which the thickness follows the pressure.
+_COMPACTED = 3
+#: Part number of the main preform in LCMsim; sets of a mesh without parts count from the next.
+_BASE_ID = 1
+
+
+@dataclass(frozen=True)
+class Textile:
+    """Properties as the file writes them, in SI units; the ratio is that of k2 to k1."""
+
+    thickness: Decimal
+    porosity: Decimal
+    permeability: Decimal
+    ratio: Decimal
+    axis: tuple[Decimal, Decimal, Decimal]
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A set or part of the mesh: what it is, and its textile, None where it has that of all.
+
+    number : in the file. place : name of the set or part in the mesh.
+    """
+
+    name: str
+    kind: str
+    number: int
+    textile: Textile | None
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class ForeignCase:
+    """A filling case of another program.
+
+    told : what of the file is not taken over, by its name there, in words.
+    """
+
+    program: str
+    file: Path
+    mesh: Path
+    base: Textile
+    zones: tuple[Zone, ...]
+    viscosity: Decimal
+    density: Decimal | None
+    gate_pressure: Decimal
+    cavity_pressure: Decimal
+    time: Decimal
+    frames: int | None
+    told: tuple[str, ...]
+
+
+def read_rtmsim(path: Path | str, mesh: Path | None = None) -> ForeignCase:
+    """Read the input file of RTMsim, or of LCMsim in its first version.
+
+    Parameters
+    ----------
+    mesh : mesh file in place of the one that it names, which is looked for beside the input file
+        and beside its folder.
+
+    Raises
+    ------
+    InputError : another file, numbers that are none, a mesh that is not there, or an inlet or a
+        preform whose set the mesh does not have; names the line.
+    """
+    path = Path(path)
+    lines = _entries(path)
+    model = _whole(lines, 0, 0, path)
+    fluid, pressures = _row(lines, 3, 4, path), _row(lines, 4, 2, path)
+    textiles = [_textile(_row(lines, 5 + k, 7, path), f"line {6 + k}", path) for k in range(5)]
+    kinds = [_TYPES.get(_whole(lines, 10, k, path)) for k in range(_SETS)]
+    if None in kinds:
+        raise InputError(
+            f"line 11: patch type {kinds.index(None) + 1} is none of 0 to 3", file=path
+        )
+    told = [
+        f"p_ref, rho_ref, gamma = {', '.join(map(str, fluid[:3]))}: the air is not computed, the "
+        "front moves into the cavity pressure",
+    ]
+    if model == _COMPACTED:
+        told.append(
+            "i_model = 3 (porosity_1, p_1): the preform keeps its thickness while it fills; form "
+            "it here for a closure"
+        )
+    if _whole(lines, 11, 0, path):
+        told.append(f"i_restart = 1 of {' '.join(lines[11][1:])}: the cavity begins empty")
+    if _whole(lines, 12, 0, path):
+        told.append("i_interactive = 1: ports that were picked with the mouse are not in the file")
+    zones = [
+        Zone(f"set{k + 1}", str(kind), k + 1, textiles[k + 1] if kind == PATCH else None)
+        for k, kind in enumerate(kinds) if kind != IGNORED
+    ]  # fmt: skip
+    densities = lines[4][2:4]
+    case = ForeignCase(
+        "RTMsim", path, _mesh_of(path, " ".join(lines[1]), mesh), textiles[0], tuple(zones),
+        fluid[3], _decimal(densities[1], "line 5", path) if len(densities) == 2 else None,
+        pressures[0], pressures[1], _row(lines, 2, 1, path)[0], _whole(lines, 13, 0, path) + 1,
+        tuple(told),
+    )  # fmt: skip
+    return _on_mesh(case, first_set=1)
+
+
+def read_lcmsim(
+    parts: Path | str, parameters: Path | str, mesh: Path | str, time: Decimal
+) -> ForeignCase:
+    """Read the tables of LCMsim from its second version on.
+
+    Parameters
+    ----------
+    parts : table of the parts. parameters : of the simulation. time : at which it ends [s].
+
+    Raises
+    ------
+    InputError : a column that is missing, numbers that are none, no part of the type base, or a
+        part that the mesh does not have.
+    """
+    path, file = Path(parts), Path(parameters)
+    rows, told = _table(path), []
+    base, zones = None, []
+    for number, row in enumerate(rows, start=2):
+        where = f"line {number}"
+        axis = [row.get(f"refdir{k}", row.get(f"refdir_{k}")) for k in (1, 2, 3)]
+        values = [_cell(row, name, where, path) for name in
+                  ("thickness", "porosity", "permeability", "alpha")]  # fmt: skip
+        values += [_decimal(text or "", f"{where}, refdir", path) for text in axis]
+        textile = _textile(values, where, path)
+        kind, name = row.get("type", ""), row.get("name", f"part{number}")
+        told += _part_told(row, name)
+        if kind == BASE:
+            base = textile
+            continue
+        if kind not in (INLET, PATCH, OUTLET):
+            raise InputError(
+                f'{where}: the type "{kind}" is none of base, inlet, outlet, patch', file=path
+            )
+        zones.append(Zone(name, kind, int(_cell(row, "part_id", where, path)), textile))
+    if base is None:
+        raise InputError("has no part of the type base", file=path)
+    (values_of,) = _table(file)[:1] or ({},)
+
+    def value(name: str) -> Decimal:
+        return _cell(values_of, name, "line 2", file)
+
+    told.insert(0, "p_ref, rho_ref, gamma, rho_0_air: the air is not computed, the front moves "
+                "into the cavity pressure")  # fmt: skip
+    density = value("rho_0_oil") if "rho_0_oil" in values_of else None
+    case = ForeignCase(
+        "LCMsim", path, _existing(Path(mesh)), base, tuple(zones), value("mu_resin"), density,
+        value("p_a"), value("p_init"), time, None, tuple(dict.fromkeys(told)),
+    )  # fmt: skip
+    return _on_mesh(case, first_set=_BASE_ID + 1)
+
+
+def case_text(case: ForeignCase) -> str:
+    """Return the file of ``lcmchain fill MESH --case FILE`` that says the same."""
+    lines = [f"# {case.program}: {case.file.name}, on the mesh {case.mesh.name}. Pressures are "
+             "absolute."]  # fmt: skip
+    lines += [f"# Not taken over: {text}." for text in case.told]
+    density = "" if case.density is None else f', density = "{case.density} kg/m^3"'
+    lines += [
+        f'time = "{case.time} s"',
+        f'resin = {{ law = "constant", viscosity = "{case.viscosity} Pa*s"{density} }}',
+        f'vent_pressure = "{case.cavity_pressure} Pa"',
+    ]
+    if case.frames is not None:
+        lines.append(f"frames = {max(case.frames, 2)}")
+    base = case.base
+    lines += [
+        "", "[preform]", *_textile_lines(base, "permeability"), 'sets_hold = "cells"',
+    ]  # fmt: skip
+    for zone in case.zones:
+        place = [f'name = "{zone.name}"', f'set = "{zone.place}"']
+        if zone.kind == INLET:
+            lines += ["", "[[gates]]", *place, f'pressure = "{case.gate_pressure} Pa"']
+        elif zone.kind == OUTLET:
+            lines += ["", "[[vents]]", *place, "except_gates = true"]
+        if zone.textile is not None and zone.textile != base:
+            lines += ["", "[[regions]]", *place, *_textile_lines(zone.textile, "own_permeability")]
+    if not any(zone.kind == OUTLET for zone in case.zones):
+        lines += ["", "[[vents]]", 'name = "rim"', "rim = true", "except_gates = true"]
+    return "\n".join(lines) + "\n"
+
+
+def _textile_lines(textile: Textile, key: str) -> list[str]:
+    axis = ", ".join(map(str, textile.axis))
+    return [
+        f'thickness = "{textile.thickness} m"',
+        f"fibre_volume_fraction = {1 - textile.porosity}",
+        f'{key} = {{ k1 = "{textile.permeability} m^2", ratio = {textile.ratio}, '
+        f"axis = [{axis}] }}",
+    ]
+
+
+# --- the mesh -------------------------------------------------------------------------------------
+
+
+def _on_mesh(case: ForeignCase, *, first_set: int) -> ForeignCase:
+    """Name the sets or parts of the mesh that the zones are.
+
+    first_set : number in the file of the first set of a mesh without parts of these numbers.
+    """
+    target = read_target(case.mesh, kind="infiltration")
+    sets, zones = list(target.cell_sets), []
+    for zone in case.zones:
+        named = f"property {zone.number}"
+        at = zone.number - first_set
+        if case.program == "LCMsim" and named in target.parts:
+            place = named
+        elif 0 <= at < len(sets):
+            place = sets[at]
+        else:
+            there = ", ".join([*target.parts, *sets]) or "none"
+            raise InputError(
+                f'has no cells of "{zone.name}", number {zone.number} of {case.file.name}; its '
+                f"sets and parts are {there}",
+                file=case.mesh,
+            )
+        zones.append(replace(zone, place=place))
+    if not any(zone.kind == INLET for zone in zones):
+        raise InputError(
+            "names no inlet, so that no resin would flow; give a set or part that type",
+            file=case.file,
+        )
+    return replace(case, zones=tuple(zones))
+
+
+def _mesh_of(path: Path, name: str, mesh: Path | None) -> Path:
+    """Find the mesh that an input file names; such files are run from the folder above theirs."""
+    if mesh is not None:
+        return _existing(mesh)
+    relative = Path(name.replace("\\", "/"))
+    for folder in (path.parent, path.parent.parent):
+        if (folder / relative).is_file():
+            return folder / relative
+    raise InputError(
+        f'names the mesh "{relative}", which is neither beside it nor in the folder above; name it '
+        "with --mesh",
+        file=path,
+    )
+
+
+def _existing(mesh: Path) -> Path:
+    if not mesh.is_file():
+        raise InputError("there is no such mesh file", file=mesh)
+    return mesh
+
+
+# --- what is left out -----------------------------------------------------------------------------
+
+
+def _part_told(row: dict[str, str], name: str) -> list[str]:
+    """Say what of a part is not taken over, where it says anything."""
+    told = []
+    for column in ("porosity_noise", "permeability_noise"):
+        if _differs(row.get(column), "0"):
+            told.append(f"{column} of {name}: properties have no scatter")
+    if any(_differs(row.get(column), row.get("porosity")) for column in
+           ("porosity_1", "porosity_2")):  # fmt: skip
+        told.append(f"porosity_1, p_1, porosity_2, p_2, n_CK of {name}: the preform keeps its "
+                    "thickness and porosity while it fills")  # fmt: skip
+    if _differs(row.get("thickness_DM"), "0"):
+        told.append(
+            f"thickness_DM, porosity_DM, permeability_DM of {name}: there is no flow medium as a "
+            "layer of its own, and the front will be slower than with it"
+        )
+    return told
+
+
+def _differs(text: str | None, other: str | None) -> bool:
+    if not text or not other:
+        return False
+    try:
+        return Decimal(text) != Decimal(other)
+    except InvalidOperation:
+        return True
+
+
+# --- text -----------------------------------------------------------------------------------------
+
+
+def _entries(path: Path) -> list[list[str]]:
+    """Return the entries of the lines of an input file, without its comments."""
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+    lines = [line.split("#")[0].split() for line in text.splitlines()]
+    lines = [line for line in lines if line]
+    if len(lines) != _LINES:
+        raise InputError(
+            f"has {len(lines)} lines with entries; an input file of RTMsim has {_LINES}, from "
+            "i_model to n_pics",
+            file=path,
+        )
+    return lines
+
+
+def _row(lines: list[list[str]], line: int, count: int, path: Path) -> list[Decimal]:
+    if len(lines[line]) < count:
+        raise InputError(
+            f"line {line + 1} has {len(lines[line])} entries; {count} are needed", file=path
+        )
+    return [_decimal(text, f"line {line + 1}", path) for text in lines[line][:count]]
+
+
+def _whole(lines: list[list[str]], line: int, place: int, path: Path) -> int:
+    return int(_row(lines, line, place + 1, path)[place])
+
+
+def _decimal(text: str, where: str, path: Path) -> Decimal:
+    try:
+        value = Decimal(text)
+    except InvalidOperation:
+        raise InputError(f'{where}: "{text}" is not a number', file=path) from None
+    if not value.is_finite():
+        raise InputError(f'{where}: "{text}" is not a finite number', file=path)
+    return value
+
+
+def _textile(values: list[Decimal], where: str, path: Path) -> Textile:
+    thickness, porosity, permeability, ratio, *axis = values
+    if min(thickness, permeability, ratio) <= 0 or not 0 < porosity < 1 or not any(axis):
+        raise InputError(
+            f"{where}: thickness, permeability and alpha are above 0, a porosity lies between 0 "
+            "and 1, and one refdir is not 0",
+            file=path,
+        )
+    x, y, z = axis
+    return Textile(thickness, porosity, permeability, ratio, (x, y, z))
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=path) from None
+    except UnicodeDecodeError:
+        raise InputError("is no CSV text", file=path) from None
+    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    return [
+        {str(name).strip(): (cell or "").strip() for name, cell in row.items()}
+        for row in rows if any(row.values())
+    ]  # fmt: skip
+
+
+def _cell(row: dict[str, str], name: str, where: str, path: Path) -> Decimal:
+    if name not in row:
+        raise InputError(f"has no column {name}", file=path)
+    return _decimal(row[name], f"{where}, {name}", path)
