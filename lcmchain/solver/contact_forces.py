@@ -263,9 +263,7 @@ def add_forces_of_several(
             pressed += pressure
             taken_off = plus(1.0, taken, taken_off)
             # the motion is known when all have added their forces; this is the part of the tool
-            against = velocity_against(
-                arrays, tools, tool, turn_axis, nodes.velocity, begin, count
-            )
+            against = velocity_against(arrays, tools, tool, turn_axis, nodes.velocity, begin, count)
             moving = plus(-1.0, against, nodes.velocity)
             add(work, kept_place(tool, DAMPED), -interval * dot(moving, taken))
     change = scaled(nodes.inverse_mass, force)

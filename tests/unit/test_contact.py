@@ -292,7 +292,7 @@ name = "ball"
 shape = { type = "sphere_capped_punch", radius = "20 mm" }
 position = "0 0 -10 mm"
 """
-    sim = simulation(ball, gravity=False, height=50.0)
+    sim = simulation(ball, gravity=False, height=-50.0)
     assert sim.model.node_count % PACK != 0
     sim.state.near[:] = 1
     sim.make_steps(5, sim.prepare_steps())
