@@ -1,4 +1,4 @@
-"""Systems as SSP 1.0 archives, for other tools."""
+"""Systems as SSP 1.0 or 2.0 archives, for other tools."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import json
 import shutil
 import tempfile
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -19,7 +20,7 @@ from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
 from lcmchain.coupling.cosimulation.physical_units import BASE, PhysicalUnit
 from lcmchain.coupling.cosimulation.ssp_import import ANNOTATION
-from lcmchain.coupling.cosimulation.ssp_structure import (
+from lcmchain.coupling.cosimulation.ssp_names import (
     COMMON,
     DESCRIPTION,
     FMU_TYPE,
@@ -32,24 +33,35 @@ from lcmchain.coupling.cosimulation.ssp_structure import (
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.system_file import System
 from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+from lcmchain.errors import InputError
+
+#: Versions that are written, the default first.
+Version = Literal["1.0", "2.0"]
+VERSIONS: tuple[Version, ...] = get_args(Version)
 
 _KINDS = ("input", "output", "parameter", "calculatedParameter")
 
 
-def write_ssp(system: System, target: Path) -> None:
-    """Write a system with its units as an SSP 1.0 archive.
+def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
+    """Write a system with its units as an SSP archive.
 
     Scheme, windows and record, for which the standard has no place, stand in an annotation. A
     whole field of FMI 2 is a connector for each of its values, one of FMI 3 a connector of its
     name; between the two a connection names the whole fields, which other tools do not read.
 
+    Parameters
+    ----------
+    version : of the standard. Only 2.0 has arrays: there connectors and values of fields of FMI 3
+        have their dimension, and types are those of FMI 3.
+
     Raises
     ------
-    InputError : a unit cannot be read, or a start value does not fit it.
+    InputError : a unit cannot be read, a start value does not fit it, or an array has start values
+        that differ and version 1.0 is to hold them.
     """
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
         units = _units(system, Path(folder))
-        root = _document(system, units)
+        root = _document(system, units, version)
         with replacing(target) as path, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(
                 STRUCTURE_FILE, ElementTree.tostring(root, "utf-8", xml_declaration=True)
@@ -79,10 +91,10 @@ def _units(system: System, folder: Path) -> _Units:
     return units
 
 
-def _document(system: System, units: _Units) -> Element:
+def _document(system: System, units: _Units, version: Version) -> Element:
     for prefix, name in (("ssc", COMMON), ("ssd", DESCRIPTION), ("ssv", VALUES)):
         ElementTree.register_namespace(prefix, name)
-    root = Element(f"{SSD}SystemStructureDescription", version="1.0", name=system.title)
+    root = Element(f"{SSD}SystemStructureDescription", version=version, name=system.title)
     root.set("generationTool", f"lcmchain {__version__}")
     structure = SubElement(root, f"{SSD}System", name="system")
     elements = SubElement(structure, f"{SSD}Elements")
@@ -94,8 +106,9 @@ def _document(system: System, units: _Units) -> Element:
         component.set("source", f"resources/{source}")
         values = start_values(entry.name, description, entry.start)
         connected = {**used[entry.name], **{variable.name: variable for variable, _ in values}}
-        _connectors(component, connected, description, measures)
-        _values(component, values, description, measures)
+        writer = _Writer(version, description, measures)
+        writer.connectors(component, connected)
+        writer.values(component, values)
     _connections(structure, system, units)
     if measures:
         _measures(SubElement(root, f"{SSD}Units"), measures)
@@ -128,63 +141,99 @@ def _names(variable: Variable, description: UnitDescription) -> list[str]:
     return [by_reference[int(reference)] for reference in variable.references]
 
 
-def _connectors(
-    component: Element,
-    variables: dict[str, Variable],
-    description: UnitDescription,
-    measures: dict[str, PhysicalUnit],
-) -> None:
-    connectors = SubElement(component, f"{SSD}Connectors")
-    for variable in variables.values():
-        if variable.causality not in _KINDS:
-            continue
-        for name in _names(variable, description):
-            connector = SubElement(
-                connectors, f"{SSD}Connector", name=name, kind=variable.causality
-            )
-            kind = SubElement(connector, f"{SSC}{_ssp_type(variable)}")
-            _note_unit(kind, variable, measures)
-    if len(connectors) == 0:
-        component.remove(connectors)
+@dataclass(frozen=True)
+class _Writer:
+    """Writes connectors and values of a component.
 
+    Parameters
+    ----------
+    description : of its unit. measures : units of measurement that were used, which it adds to.
+    """
 
-def _note_unit(element: Element, variable: Variable, measures: dict[str, PhysicalUnit]) -> None:
-    if variable.is_real and variable.unit is not None:
-        element.set("unit", variable.unit.name)
-        measures.setdefault(variable.unit.name, variable.unit)
+    version: Version
+    description: UnitDescription
+    measures: dict[str, PhysicalUnit]
 
+    def connectors(self, component: Element, variables: dict[str, Variable]) -> None:
+        """Add the connectors of variables that have a place in the standard."""
+        connectors = SubElement(component, f"{SSD}Connectors")
+        for variable in variables.values():
+            if variable.causality not in _KINDS:
+                continue
+            for name in _names(variable, self.description):
+                connector = SubElement(
+                    connectors, f"{SSD}Connector", name=name, kind=variable.causality
+                )
+                kind = SubElement(connector, f"{SSC}{self._type(variable)}")
+                self._note_unit(kind, variable)
+                self._dimension(connector, variable)
+        if len(connectors) == 0:
+            component.remove(connectors)
 
-def _ssp_type(variable: Variable) -> str:
-    if variable.is_real:
-        return "Real"
-    if variable.is_text:
-        return "String"
-    return "Boolean" if variable.kind in TRUTHS else "Integer"
+    def values(self, component: Element, values: list[tuple[Variable, Any]]) -> None:
+        """Add start values.
 
+        Raises
+        ------
+        InputError : those of an array differ, and the version has no arrays.
+        """
+        if not values:
+            return
+        bindings = SubElement(component, f"{SSD}ParameterBindings")
+        inline = SubElement(SubElement(bindings, f"{SSD}ParameterBinding"), f"{SSD}ParameterValues")
+        parameters = SubElement(
+            SubElement(inline, f"{SSV}ParameterSet", version=self.version, name="start"),
+            f"{SSV}Parameters",
+        )
+        for variable, given in values:
+            names = _names(variable, self.description)
+            entries = list(np.broadcast_to(given, (variable.size,)))
+            if self._is_array(variable):
+                self._parameter(parameters, names[0], variable, entries)
+                continue
+            if len(names) == 1 and any(entry != entries[0] for entry in entries):
+                raise InputError(
+                    f"has {len(entries)} start values that differ, for which SSP 1.0 has no place; "
+                    "write SSP 2.0 (--ssp-version 2.0)",
+                    key=f"units.{component.get('name')}.start.{variable.name}",
+                )
+            for name, entry in zip(names, entries):
+                self._parameter(parameters, name, variable, [entry])
 
-def _values(
-    component: Element,
-    values: list[tuple[Variable, Any]],
-    description: UnitDescription,
-    measures: dict[str, PhysicalUnit],
-) -> None:
-    if not values:
-        return
-    bindings = SubElement(component, f"{SSD}ParameterBindings")
-    binding = SubElement(bindings, f"{SSD}ParameterBinding")
-    inline = SubElement(binding, f"{SSD}ParameterValues")
-    parameters = SubElement(
-        SubElement(inline, f"{SSV}ParameterSet", version="1.0", name="start"), f"{SSV}Parameters"
-    )
-    for variable, given in values:
-        names = _names(variable, description)
-        entries = np.broadcast_to(given, (variable.size,))
-        for name, value in zip(names, entries):
-            parameter = SubElement(parameters, f"{SSV}Parameter", name=name)
-            kind = SubElement(
-                parameter, f"{SSV}{_ssp_type(variable)}", value=_text(variable, value)
-            )
-            _note_unit(kind, variable, measures)
+    def _parameter(
+        self, parameters: Element, name: str, variable: Variable, entries: list[Any]
+    ) -> None:
+        parameter = SubElement(parameters, f"{SSV}Parameter", name=name)
+        kind = SubElement(parameter, f"{SSV}{self._type(variable)}")
+        texts = [_text(variable, entry) for entry in entries]
+        if variable.is_text and len(texts) > 1:
+            for text in texts:
+                SubElement(kind, f"{SSV}Value", value=text)
+        else:
+            kind.set("value", " ".join(texts))
+        self._note_unit(kind, variable)
+        self._dimension(parameter, variable)
+
+    def _is_array(self, variable: Variable) -> bool:
+        return self.version != "1.0" and self.description.major == 3 and variable.is_field
+
+    def _dimension(self, parent: Element, variable: Variable) -> None:
+        if self._is_array(variable):
+            SubElement(parent, f"{SSC}Dimension", size=str(variable.size))
+
+    def _type(self, variable: Variable) -> str:
+        if variable.is_text:
+            return "String"
+        if variable.kind in TRUTHS:
+            return "Boolean"
+        if self.version != "1.0" and self.description.major == 3:
+            return "Int64" if variable.kind == "Enumeration" else variable.kind
+        return "Real" if variable.is_real else "Integer"
+
+    def _note_unit(self, element: Element, variable: Variable) -> None:
+        if variable.is_real and variable.unit is not None:
+            element.set("unit", variable.unit.name)
+            self.measures.setdefault(variable.unit.name, variable.unit)
 
 
 def _text(variable: Variable, value: Any) -> str:

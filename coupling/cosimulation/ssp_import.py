@@ -1,4 +1,4 @@
-"""Systems from SSP 1.0 archives, as the tables of a system's file."""
+"""Systems from SSP 1.0 and 2.0 archives, as the tables of a system's file."""
 
 from __future__ import annotations
 
@@ -18,11 +18,8 @@ from lcmchain.coupling.cosimulation.physical_units import (
     is_usual,
     unit_from_name,
 )
+from lcmchain.coupling.cosimulation.ssp_names import SSC, SSD, STRUCTURE_FILE
 from lcmchain.coupling.cosimulation.ssp_structure import (
-    SSC,
-    SSD,
-    STRUCTURE_FILE,
-    Given,
     Node,
     Structure,
     node_text,
@@ -30,11 +27,12 @@ from lcmchain.coupling.cosimulation.ssp_structure import (
     text_of,
 )
 from lcmchain.coupling.cosimulation.ssp_structure import Path as Place
+from lcmchain.coupling.cosimulation.ssp_values import Given, value_of_text
 from lcmchain.coupling.cosimulation.system_file import System, system_from
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
 
-#: Type of the annotation that keeps what SSP 1.0 has no place for, as JSON.
+#: Type of the annotation that keeps what SSP has no place for, as JSON.
 ANNOTATION = "lcmchain.cosimulation"
 #: Windows of a system that does not say how long they are.
 WINDOWS = 500
@@ -53,7 +51,7 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
 
     Raises
     ------
-    InputError : no SSP 1.0, damaged, or something in it that is not read; names the archive.
+    InputError : no SSP 1.0 or 2.0, damaged, or something in it that is not read; names the archive.
     """
     path = Path(path)
     unpack(path, folder)
@@ -109,6 +107,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     data |= _experiment(root)
     if "window" not in kept:
         kept["window"] = _window(root, data, structure)
+    _require_sizes(structure, descriptions)
     links = _links(structure, names, descriptions)
     starts = _starts(structure, descriptions)
     data["connections"] = [
@@ -217,6 +216,42 @@ def _seconds(text: str) -> float:
     return float(text.removesuffix(" s"))
 
 
+def _require_sizes(structure: Structure, descriptions: dict[Place, UnitDescription]) -> None:
+    """Compare the dimensions of connectors with the arrays of their units.
+
+    Raises
+    ------
+    InputError : they are of other sizes, or refer to what holds none.
+    """
+    for (place, name), sizes in structure.dimensions.items():
+        if place not in structure.sources:
+            continue
+        description = descriptions[place]
+        variable = description.variables.get(name)
+        if variable is None or None in sizes:
+            continue  # nothing that is used, or left open
+        found = [
+            size if isinstance(size, int) else _size_in(description, str(size)) for size in sizes
+        ]
+        stated = " x ".join(map(str, found))
+        if math.prod(found) != variable.size:
+            raise InputError(
+                f"the connector {node_text((place, name))} is an array of {stated}, but the "
+                f"variable of its unit has {variable.size} values; export the unit with that size"
+            )
+
+
+def _size_in(description: UnitDescription, owner: str) -> int:
+    """Return the size that a structural parameter or constant of a unit holds at its start."""
+    variable = description.variables.get(owner)
+    try:
+        return int(variable.start[0])  # type: ignore[union-attr]
+    except (AttributeError, IndexError, ValueError):
+        raise InputError(
+            f'the dimension by "{owner}" (sizeConnector) has no size in {description.model_name}'
+        ) from None
+
+
 def _links(
     structure: Structure, names: dict[Place, str], descriptions: dict[Place, UnitDescription]
 ) -> dict[str, dict[str, Any]]:
@@ -225,6 +260,14 @@ def _links(
     for start, end, step in structure.links():
         if start[0] not in structure.sources:
             continue  # an input of the whole system, which is a start value or nothing
+        carried = structure.not_exchanged.get(start) or structure.not_exchanged.get(end)
+        if carried is not None:
+            what = "binary values" if carried == "Binary" else "the ticks of a clock"
+            structure.remarks.append(
+                f"the connection from {node_text(start)} to {node_text(end)} carries {what}, which "
+                "lcmchain cosim does not exchange: it is left out"
+            )
+            continue
         options: dict[str, Any] = {}
         if step.factor != 1.0 or step.offset != 0.0:
             options = {"factor": step.factor, "offset": step.offset}
@@ -288,6 +331,11 @@ def _starts(
                     "which is not read; give the component its own value"
                 )
     for node, given in structure.values:
+        if given.kind == "Binary":
+            structure.remarks.append(
+                f"the binary value of {node_text(node)} is left out, as binary variables are"
+            )
+            continue
         targets = [node] if node[0] in structure.sources else fed.get(node, [])
         known = [
             target
@@ -298,24 +346,33 @@ def _starts(
         if not known:
             structure.remarks.append(f"the value of {node_text(node)} has no variable to go to")
         for place, name in known:
-            starts[place][name] = _start(given, node, descriptions[place].find(name))
+            variable = descriptions[place].find(name)
+            values = [_start(given, text, node, variable) for text in given.texts]
+            if variable.causality == "structuralParameter":
+                _require_as_exported(node, variable, values)
+            else:
+                starts[place][name] = values if given.is_array else values[0]
     return starts
 
 
-def _start(given: Given, node: Node, variable: Variable) -> Any:
-    """Return a value as it stands in the file of a system."""
-    try:
-        if given.kind == "String":
-            return given.text
-        if given.kind == "Boolean":
-            return {"true": True, "1": True, "false": False, "0": False}[given.text]
-        if given.kind in ("Integer", "Enumeration"):
-            return int(given.text)
-        number = float(given.text)
-    except (ValueError, KeyError):
+def _require_as_exported(node: Node, variable: Variable, values: list[Any]) -> None:
+    """Refuse a structural parameter that would change the sizes of a unit."""
+    own = " ".join(variable.start)
+    if [str(value) for value in values] != list(variable.start):
         raise InputError(
-            f'the value of {node_text(node)}, "{given.text}", is no {given.kind}'
-        ) from None
+            f"the structural parameter {node_text(node)} is to be {values[0]}, but its unit is "
+            f"exported with {own}, and sizes cannot be changed here; export the unit with it"
+        )
+
+
+def _start(given: Given, text: str, node: Node, variable: Variable) -> Any:
+    """Return a value, or one of an array, as it stands in the file of a system."""
+    if given.kind != "Real":
+        return value_of_text(given, text, node_text(node))
+    try:
+        number = float(text)
+    except ValueError:
+        raise InputError(f'the value of {node_text(node)}, "{text}", is no {given.kind}') from None
     if not given.unit:
         return {"value": number}  # in the unit of the variable
     own = given.measure

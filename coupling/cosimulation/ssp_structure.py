@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import posixpath
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -10,23 +9,22 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
-from lcmchain.coupling.cosimulation.physical_units import (
-    BASE,
-    PhysicalUnit,
-    UnitError,
-    unit_from_base,
-    unit_from_name,
+from lcmchain.coupling.cosimulation.physical_units import PhysicalUnit
+from lcmchain.coupling.cosimulation.ssp_names import FMU_TYPE, SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp_values import (
+    KINDS,
+    NOT_EXCHANGED,
+    Given,
+    Items,
+    given_of,
+    items_of,
+    mapped,
+    measures_of,
 )
 from lcmchain.errors import InputError, shortened
 
-COMMON = "http://ssp-standard.org/SSP1/SystemStructureCommon"
-DESCRIPTION = "http://ssp-standard.org/SSP1/SystemStructureDescription"
-VALUES = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
-MAPPING = "http://ssp-standard.org/SSP1/SystemStructureParameterMapping"
-SSC, SSD, SSV, SSM = (f"{{{name}}}" for name in (COMMON, DESCRIPTION, VALUES, MAPPING))
-
-STRUCTURE_FILE = "SystemStructure.ssd"
-FMU_TYPE = "application/x-fmu-sharedlibrary"
+#: Versions of the standard that are read; 1.1 is 1.0 with other diagrams.
+VERSIONS = ("1.0", "1.1", "2.0")
 
 #: The names of the systems that enclose an element, and its own.
 Path = tuple[str, ...]
@@ -47,27 +45,16 @@ class Transformation:
         return self == Transformation()
 
 
-@dataclass(frozen=True)
-class Given:
-    """A value of a parameter set: its type in the standard, its text and its unit.
-
-    ``measure`` is that unit where the parameter set or the structure defines it.
-    """
-
-    kind: str
-    text: str
-    unit: str | None
-    measure: PhysicalUnit | None = None
-
-
 @dataclass
 class Structure:
     """Components by their paths, what leads where, and the values that are given.
 
     ``sources`` are archives by component; ``edges`` lead from a connector to the one that feeds
-    it. ``values`` come in the order in which later ones replace earlier ones. ``measures`` are the
-    units that the structure defines. ``window_remark`` says what is taken as communication step
-    where the archive leaves that open.
+    it. ``values`` come in the order in which later ones replace earlier ones. ``measures`` and
+    ``items`` are the units and enumerations that the structure defines. ``dimensions`` are the
+    sizes that array connectors state: a number, the name of a connector that holds it, or None
+    where it is open. ``not_exchanged`` are connectors of binary values and clocks.
+    ``window_remark`` says what is taken as communication step where the archive leaves that open.
     """
 
     sources: dict[Path, str] = field(default_factory=dict)
@@ -75,6 +62,9 @@ class Structure:
     edges: dict[Node, tuple[Node, Transformation]] = field(default_factory=dict)
     values: list[tuple[Node, Given]] = field(default_factory=list)
     measures: dict[str, PhysicalUnit] = field(default_factory=dict)
+    items: Items = field(default_factory=dict)
+    dimensions: dict[Node, tuple[int | str | None, ...]] = field(default_factory=dict)
+    not_exchanged: dict[Node, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     window_remark: str = ""
 
@@ -124,14 +114,20 @@ def read_structure(root: Element, load: Callable[[str], Element]) -> Structure:
 
     Raises
     ------
-    InputError : it is no description of SSP 1.0, or uses what is not read.
+    InputError : it is no description of SSP 1.0 or 2.0, or uses what is not read.
     """
     if root.tag != f"{SSD}SystemStructureDescription":
-        raise InputError(f"is no system structure of SSP 1.0, but <{shortened(root.tag)}>")
+        raise InputError(f"is no system structure of SSP 1.0 or 2.0, but <{shortened(root.tag)}>")
+    version = root.get("version")
+    if version is not None and version not in VERSIONS:
+        raise InputError(
+            f'is of SSP "{shortened(version)}"; {", ".join(VERSIONS)} are read, so export it for '
+            "one of these"
+        )
     system = root.find(f"{SSD}System")
     if system is None:
         raise InputError("describes no system")
-    structure = Structure(measures=_measures(root, SSD))
+    structure = Structure(measures=measures_of(root, SSD), items=items_of(root, SSD))
     _read_system(structure, system, (), load)
     return structure
 
@@ -153,6 +149,12 @@ def _read_system(
                     "unpack the inner system into this one"
                 )
             structure.sources[inner] = local_name(element.get("source", ""))
+            wanted = element.get("implementation", "any")
+            if wanted not in ("any", "CoSimulation"):
+                structure.remarks.append(
+                    f'component "{".".join(inner)}" is meant as {wanted}; its co-simulation is '
+                    "taken"
+                )
             _read_connectors(structure, element, inner)
             _read_bindings(structure, element, inner, load)
         else:
@@ -166,6 +168,11 @@ def _read_system(
              else path, connection.get(f"{side}Connector", ""))
             for side in ("start", "end")
         )  # fmt: skip
+        if connection.get("startIndices") or connection.get("endIndices"):
+            raise InputError(
+                f"the connection to {node_text(end)} is one of single entries of an array "
+                "(startIndices, endIndices), which is not read; connect whole arrays"
+            )
         _connect(structure, start, end, _transformation(connection))
     # outer ones come later, and take precedence
     _read_bindings(structure, system, path, load)
@@ -179,10 +186,28 @@ def _connect(structure: Structure, start: Node, end: Node, step: Transformation)
 
 def _read_connectors(structure: Structure, element: Element, path: Path) -> None:
     for connector in element.findall(f"{SSD}Connectors/{SSD}Connector"):
-        for kind in connector:
-            unit = kind.get("unit")
+        node = path, connector.get("name", "")
+        for child in connector:
+            kind = KINDS.get(child.tag.removeprefix(SSC))
+            if kind in NOT_EXCHANGED:
+                structure.not_exchanged[node] = kind
+            unit = child.get("unit")
             if unit:
-                structure.connector_units[path, connector.get("name", "")] = unit
+                structure.connector_units[node] = unit
+        sizes = connector.findall(f"{SSC}Dimension")
+        if sizes:
+            structure.dimensions[node] = tuple(_size_of(size, node) for size in sizes)
+
+
+def _size_of(dimension: Element, node: Node) -> int | str | None:
+    size, owner = dimension.get("size"), dimension.get("sizeConnector")
+    if size is not None and owner is not None:
+        raise InputError(f"a dimension of {node_text(node)} has both a size and a sizeConnector")
+    if size is None:
+        return owner
+    if not size.isdecimal():
+        raise InputError(f'a dimension of {node_text(node)} has the size "{shortened(size)}"')
+    return int(size)
 
 
 def _transformation(element: Element) -> Transformation:
@@ -198,6 +223,11 @@ def _transformation(element: Element) -> Transformation:
     return step
 
 
+def _step(element: Element) -> tuple[float, float, bool]:
+    step = _transformation(element)
+    return step.factor, step.offset, step.convert_units
+
+
 # --- parameters -----------------------------------------------------------------------------------
 
 
@@ -205,89 +235,28 @@ def _read_bindings(
     structure: Structure, element: Element, path: Path, load: Callable[[str], Element]
 ) -> None:
     for binding in element.findall(f"{SSD}ParameterBindings/{SSD}ParameterBinding"):
+        mapping = binding.find(f"{SSD}ParameterMapping")
+        for source in (binding, mapping):
+            if source is not None and source.get("sourceBase", "SSD") != "SSD":
+                raise InputError(
+                    f'parameters of "{".".join(path)}" stand within its unit (sourceBase), which '
+                    "is not read; put the file into the archive"
+                )
         inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
         values = inline if inline is not None else load(local_name(binding.get("source", "")))
         prefix = binding.get("prefix", "")
-        measures = {**structure.measures, **_measures(values, SSV)}
+        measures = {**structure.measures, **measures_of(values, SSV)}
+        items = {**structure.items, **items_of(values, SSV)}
         given = {
-            prefix + parameter.get("name", ""): _given(parameter, measures)
+            prefix + parameter.get("name", ""): given_of(parameter, measures, items)
             for parameter in values.findall(f"{SSV}Parameters/{SSV}Parameter")
         }
-        mapping = binding.find(f"{SSD}ParameterMapping")
         if mapping is not None:
-            given = _mapped(given, mapping, load)
+            given = mapped(given, mapping, lambda name: load(local_name(name)), _step)
         for name, value in given.items():
             node = _place(structure, path, name)
             if node is not None:
                 structure.values.append((node, value))
-
-
-def _measures(element: Element, space: str) -> dict[str, PhysicalUnit]:
-    """Return the units that a structure or a parameter set defines.
-
-    Raises
-    ------
-    InputError : one whose numbers are none, or whose factor is not positive.
-    """
-    found = {}
-    for unit in element.findall(f"{space}Units/{SSC}Unit"):
-        name, base = unit.get("name", ""), unit.find(f"{SSC}BaseUnit")
-        if base is None:
-            continue
-        try:
-            exponents = tuple(float(base.get(key, "0")) for key in BASE)
-            factor, offset = float(base.get("factor", "1")), float(base.get("offset", "0"))
-            own = unit_from_base(name, exponents, factor, offset)
-        except (UnitError, ValueError) as error:
-            raise InputError(
-                f'the definition of the unit "{shortened(name)}" is wrong: {error}'
-            ) from None
-        found[name] = _as_usual(own)
-    return found
-
-
-def _as_usual(own: PhysicalUnit) -> PhysicalUnit:
-    """Return a unit as its name is usually understood where the definition means the same."""
-    try:
-        usual = unit_from_name(own.name)
-    except UnitError:
-        return own
-    same = usual.exponents == own.exponents and all(
-        math.isclose(a, b, rel_tol=1e-14, abs_tol=1e-300)
-        for a, b in ((usual.factor, own.factor), (usual.offset, own.offset))
-    )
-    return usual if same else own
-
-
-def _given(parameter: Element, measures: dict[str, PhysicalUnit]) -> Given:
-    name = parameter.get("name", "")
-    for value in parameter:
-        kind = value.tag.removeprefix(SSV)
-        if kind in ("Real", "Integer", "Boolean", "String", "Enumeration"):
-            unit = value.get("unit")
-            return Given(kind, value.get("value", ""), unit, measures.get(unit or ""))
-    raise InputError(f'the value of parameter "{shortened(name)}" is of a type that is not read')
-
-
-def _mapped(
-    given: dict[str, Given], mapping: Element, load: Callable[[str], Element]
-) -> dict[str, Given]:
-    """Return the values under the names that a mapping gives them."""
-    inline = mapping.find(f"{SSM}ParameterMapping")
-    root = inline if inline is not None else load(local_name(mapping.get("source", "")))
-    found = {}
-    for entry in root.findall(f"{SSM}MappingEntry"):
-        value = given.get(entry.get("source", ""))
-        if value is None:
-            continue
-        step = _transformation(entry)
-        if (step.factor, step.offset) != (1.0, 0.0):
-            number = step.factor * float(value.text) + step.offset
-            value = replace(value, text=repr(number))
-        if not step.convert_units:
-            value = replace(value, unit=None, measure=None)
-        found[entry.get("target", "")] = value
-    return found
 
 
 def _place(structure: Structure, path: Path, name: str) -> Node | None:

@@ -10,12 +10,15 @@ from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.coupling.cosimulation.left_out import left_out, version_problem
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Finding, Level
+from lcmchain.fmu.doctor.rules import Broken, broken_rules
 
 KINDS = {
     "CoSimulation": "co-simulation",
     "ModelExchange": "model exchange",
     "ScheduledExecution": "scheduled execution",
 }
+#: How many breaches of one rule are told.
+MOST_TOLD = 3
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Description:
     identifier : name of the binary; that of co-simulation where the unit has it.
     abilities : attributes of that interface type, as they are written.
     left_out : what lcmchain cosim does not take of it, in sentences.
+    broken : rules of the standard that it breaks; those of drafts and of FMI 1.0 are not known.
     """
 
     fmi_version: str
@@ -38,6 +42,7 @@ class Description:
     abilities: dict[str, str]
     variable_count: int
     left_out: tuple[str, ...]
+    broken: tuple[Broken, ...] = ()
 
     def can(self, *names: str) -> bool:
         """Return whether one of these abilities is declared."""
@@ -79,6 +84,7 @@ def read_description(folder: Path, unit: Path) -> Description:
         abilities={} if head is None else dict(head.attrib),
         variable_count=0 if variables is None else len(variables),
         left_out=tuple(left_out(root)),
+        broken=() if version_problem(version) else tuple(broken_rules(root)),
     )
 
 
@@ -99,6 +105,7 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
         yield Finding(
             Level.WARNING, "unit", f"lcmchain cosim refuses it: it {problem}",
         )  # fmt: skip
+    yield from map(_finding_of, description.broken)
     if "CoSimulation" not in description.kinds:
         yield Finding(
             Level.WARNING, "unit", "it has no co-simulation; lcmchain cosim cannot use it",
@@ -122,6 +129,12 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
             "it takes steps of one size only (canHandleVariableCommunicationStepSize)",
             "give the system a constant step",
         )  # fmt: skip
+    if "fixedInternalStepSize" in description.abilities:
+        yield Finding(
+            Level.NOTE, "abilities",
+            f"it computes in steps of {description.abilities['fixedInternalStepSize']} s "
+            "(fixedInternalStepSize): in shorter windows its outputs change now and then only",
+        )  # fmt: skip
     if description.can("canBeInstantiatedOnlyOncePerProcess"):
         yield Finding(
             Level.NOTE, "abilities",
@@ -136,3 +149,14 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
             "it needs the tool that exported it on this machine (needsExecutionTool)",
             f"install {description.generation_tool or 'that tool'} and its licence",
         )  # fmt: skip
+
+
+def _finding_of(broken: Broken) -> Finding:
+    """Return what is told about a broken rule: its name, how it is broken, what is asked."""
+    shown = "; ".join(broken.how[:MOST_TOLD])
+    more = len(broken.how) - MOST_TOLD
+    return Finding(
+        Level.WARNING, "standard",
+        f"{broken.rule.name}: {shown}" + (f"; and {more} more" if more > 0 else ""),
+        f"the standard asks for {broken.rule.asks} ({broken.rule.source})",
+    )  # fmt: skip

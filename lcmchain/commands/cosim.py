@@ -21,7 +21,10 @@ SSP_SUFFIX, SSD_SUFFIX = ".ssp", ".ssd"
 def cosim(
     system: Annotated[
         Path,
-        typer.Argument(metavar="SYSTEM", help="File of the system (TOML), SSP archive, or .ssd."),
+        typer.Argument(
+            metavar="SYSTEM",
+            help="File of the system (TOML), SSP archive, .ssd, or a folder with one.",
+        ),
     ],
     out: Annotated[
         Path | None,
@@ -36,6 +39,10 @@ def cosim(
             "--export", metavar="F.ssp", help="Write the system as an SSP archive, do not simulate."
         ),
     ] = None,
+    ssp_version: Annotated[
+        str,
+        typer.Option("--ssp-version", metavar="1.0|2.0", help="Of the archive of --export."),
+    ] = "1.0",
     overrides: Overrides = None,
     strict: Strict = False,
     quiet: Annotated[
@@ -45,14 +52,16 @@ def cosim(
     """Simulate functional mock-up units together, by any coupling scheme."""
     from lcmchain.coupling.cosimulation.stopping import sigterm_as_ctrl_c
 
+    default = default_out(system.resolve() if system.is_dir() else system)
+    system = _file_of(system)
     with sigterm_as_ctrl_c(), _read(system, overrides or ()) as the_system:
         if export is not None:
-            _export(the_system, system, export)
+            _export(the_system, system, export, ssp_version)
             return
         from lcmchain.coupling.cosimulation.run import run_system
         from lcmchain.coupling.cosimulation.summary import cost_table
 
-        with output_folder(out or default_out(system), inputs=[system]) as folder:
+        with output_folder(out or default, inputs=[system]) as folder:
             with progress_bar(quiet=quiet) as progress:
                 summary = run_system(
                     the_system, folder, resume=resume, progress=progress, inputs=(system,)
@@ -68,8 +77,7 @@ def cosim(
 @contextmanager
 def _read(path: Path, overrides: Any) -> Iterator[Any]:
     """Read a system, told by its content; an SSP archive stays unpacked within the block."""
-    if path.is_dir():
-        raise InputError("is a folder; name the file of the system in it", file=path)
+    path = _file_of(path)
     if not path.is_file():
         raise InputError("there is no such file", file=path)
     kind = _kind(path)
@@ -85,6 +93,29 @@ def _read(path: Path, overrides: Any) -> Iterator[Any]:
         yield read(path, Path(folder), overrides)
 
 
+def _file_of(path: Path) -> Path:
+    """Return the file of the system that a folder holds; a file as it is.
+
+    Raises
+    ------
+    InputError : a folder without a system, or with several.
+    """
+    if not path.is_dir():
+        return path
+    from lcmchain.coupling.cosimulation.ssp_names import STRUCTURE_FILE
+
+    found = [path / STRUCTURE_FILE] if (path / STRUCTURE_FILE).is_file() else []
+    found = found or sorted(path.glob(f"*{SSD_SUFFIX}"))
+    if len(found) == 1:
+        return found[0]
+    told = f"holds {len(found)} systems ({', '.join(file.name for file in found[:3])})"
+    raise InputError(
+        f"is a folder that {told if found else f'holds no {STRUCTURE_FILE}'}; name the file of the "
+        "system in it",
+        file=path,
+    )
+
+
 def _kind(path: Path) -> str:
     """Return the ending that the content of a file calls for, its own where that says nothing."""
     with path.open("rb") as file:
@@ -96,11 +127,16 @@ def _kind(path: Path) -> str:
     return path.suffix.lower()
 
 
-def _export(the_system: Any, source: Path, target: Path) -> None:
+def _export(the_system: Any, source: Path, target: Path, version: str) -> None:
+    from lcmchain.coupling.cosimulation.ssp_export import VERSIONS, write_ssp
+
+    if version not in VERSIONS:
+        raise InputError(
+            f'there is no SSP "{version}" to write; take {" or ".join(VERSIONS)}',
+            key="--ssp-version",
+        )
     if target.suffix.lower() != SSP_SUFFIX:
         raise InputError("the name of a system archive ends in .ssp", file=target)
-    from lcmchain.coupling.cosimulation.ssp_export import write_ssp
-
     with output_folder(target.parent, inputs=[source]):
-        write_ssp(the_system, target)
+        write_ssp(the_system, target, version)
     say(f"Wrote {target}")

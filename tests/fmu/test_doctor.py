@@ -20,6 +20,7 @@ from lcmchain.fmu.doctor.libraries import newest_versions
 from lcmchain.fmu.doctor.shared_objects import SharedObject, read_shared_object
 
 FMI2, FMI3 = platform_folders()
+TIME = '<Float64 name="time" valueReference="0" causality="independent"/>'
 ON_LINUX = pytest.mark.skipif(
     not sys.platform.startswith("linux") or shutil.which("gcc") is None, reason="needs Linux, gcc"
 )
@@ -256,13 +257,15 @@ def test_what_a_unit_cannot_do_is_a_warning(tmp_path, abilities, kind, words):
     [
         ("2.0", 2 * '<ScalarVariable name="p" valueReference="1"><Real/></ScalarVariable>',
          "names of variables are not unique (p)"),
-        ("3.0", '<Clock name="tick" valueReference="1"/>', "its clocks (tick) do not tick"),
-        ("3.0", '<Binary name="blob" valueReference="1"/>', "(blob) are left out"),
+        ("3.0", f'{TIME}<Clock name="tick" valueReference="1" intervalVariability="triggered"/>',
+         "its clocks (tick) do not tick"),
+        ("3.0", f'{TIME}<Binary name="blob" valueReference="1"/>', "(blob) are left out"),
         ("3.0-beta.2", "", 'lcmchain cosim refuses it: it is of FMI "3.0-beta.2", a draft'),
     ],
 )  # fmt: skip
 def test_what_the_master_does_not_take_of_a_unit_is_a_warning(tmp_path, version, rows, words):
-    unit = make_unit(tmp_path / "a.fmu", version=version, rows=rows)
+    abilities = f'{ABILITIES} hasEventMode="true"'
+    unit = make_unit(tmp_path / "a.fmu", version=version, rows=rows, abilities=abilities)
     (warning,) = told(examine(unit), Level.WARNING)
     assert words in warning.text
 
@@ -271,6 +274,14 @@ def test_a_unit_for_one_instance_per_process_is_one_for_the_master_too(tmp_path)
     once = f'{ABILITIES} canBeInstantiatedOnlyOncePerProcess="true"'
     diagnosis = examine(make_unit(tmp_path / "a.fmu", abilities=once))
     assert any("gives each a process of its own" in f.text for f in told(diagnosis, Level.NOTE))
+
+
+def test_the_step_of_a_unit_is_told_as_the_master_tells_it(tmp_path):
+    own = f'{ABILITIES} fixedInternalStepSize="1e-3"'
+    diagnosis = examine(make_unit(tmp_path / "a.fmu", abilities=own, version="3.0", rows=TIME))
+    (note,) = [f for f in told(diagnosis, Level.NOTE) if f.subject == "abilities"
+               and "fixedInternalStepSize" in f.text]  # fmt: skip
+    assert "steps of 1e-3 s" in note.text
 
 
 def test_program_that_a_unit_starts_must_be_there(tmp_path):

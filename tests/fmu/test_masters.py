@@ -54,6 +54,25 @@ execution.step(5)
 found = observer.last_real_values(index, [references[name] for name in {names}])
 print(*[value.hex() for value in found])
 """
+# The block of pathsim-fmi reads all outputs and sets all inputs as real numbers: it is given those
+# that are. It steps at the begin of each interval, and the last one that it begins is whole.
+PATHSIM = """
+import sys
+from pathsim import Simulation
+from pathsim_fmi import blocks
+class Reals(blocks.FMUWrapper):
+    def _build_variable_maps(self):
+        super()._build_variable_maps()
+        for references in (self.input_refs, self.output_refs):
+            for name in list(references):
+                variable = self.variable_map[name]
+                if variable.type not in ("Real", "Float64") or variable.dimensions:
+                    del references[name]
+blocks.FMUWrapper = Reals
+block = blocks.CoSimulationFMU(sys.argv[1], dt=1e-4)
+Simulation([block], [], dt=1e-4, log=False).run(3.5e-4)
+print(*[float(block.outputs[name]).hex() for name in {names}])
+"""
 NAMES = ("punch.travel", "thickness_min", "internal_energy")
 
 
@@ -131,6 +150,12 @@ def test_libcosim(version, built, expected, tmp_path):
     if version == 3:
         pytest.skip("libcosim knows FMI 1.0 and 2.0")
     assert bits_of(LIBCOSIM, built, tmp_path) == expected
+
+
+def test_pathsim(built, expected, tmp_path):
+    if find_spec("pathsim_fmi") is None:
+        pytest.skip("needs the package pathsim-fmi")
+    assert bits_of(PATHSIM, built, tmp_path) == expected
 
 
 def test_fmutool_finds_no_fault(built, tmp_path):

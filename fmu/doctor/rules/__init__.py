@@ -1,0 +1,10 @@
+"""Rules of FMI 2.0 and 3.0 that a schema cannot check: what goes with what in a description.
+
+They are those of VDMCheck (INTO-CPS Association), told from the text of the standard, and a few
+more: numbers of start values, lists that are complete, abilities that imply others.
+"""
+
+from lcmchain.fmu.doctor.rules import head, structure, variables
+from lcmchain.fmu.doctor.rules.rule import RULES, Broken, Rule, broken_rules
+
+__all__ = ["RULES", "Broken", "Rule", "broken_rules", "head", "structure", "variables"]
