@@ -30,6 +30,7 @@ from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
+from lcmchain.elements.force_slots import EMPTY_ROWS
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError
@@ -218,6 +219,11 @@ class Model:
     @property
     def node_count(self) -> int:
         return self.nodes.mass.size
+
+    @property
+    def empty_slot(self) -> int:
+        """The place among the corner forces in which there is nothing."""
+        return self.corner_force_size - EMPTY_ROWS
 
     @property
     def sheet_mass(self) -> np.ndarray:
@@ -549,7 +555,7 @@ def assemble_bodies(
         pore=pressed_elements(bodies, order, key="pore pressure") if pore_pressure else None,
         face_pressure=pressure,
         ply_contact=contacts[0] if contacts else None,
-        corner_force_size=last_force + 2 * LANES + 1,
+        corner_force_size=last_force + EMPTY_ROWS,
         nodes=NodeData(
             force_slot=force_slot,
             chunk_start=chunk_start,

@@ -20,7 +20,7 @@ from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SUM_COLUMNS
 from lcmchain.interfaces.springs import SLOPES
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.model import Model
-from lcmchain.tools.span_rows import SPANS_OF_CHUNK
+from lcmchain.tools.span_rows import PACKS_OF_CHUNK, SPANS_OF_CHUNK
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step
@@ -127,6 +127,7 @@ def sizes(model: Model) -> dict[str, int]:
     tool_count = len(model.tool_names)
     turning_count = 0 if model.tools.turn_axis is None else tool_count
     span_count = model.nodes.chunk_order.size * SPANS_OF_CHUNK
+    pack_count = model.nodes.chunk_order.size * PACKS_OF_CHUNK
     bending, pore = model.fibre_bending, model.pore
     plies = None if model.ply_contact is None else model.ply_contact.data
     return {
@@ -180,7 +181,7 @@ def sizes(model: Model) -> dict[str, int]:
         + len(TOOL_SAMPLE_COLUMNS) * tool_count
         + len(GRIPPER_SAMPLE_COLUMNS) * len(model.grips),
         "chunk": model.nodes.chunk_order.size,
-        "span": span_count,
+        "pack": pack_count,
         "chunk sum": WORK_COLUMNS + TOOL_COLUMNS * tool_count + turning_count,
     }
 
@@ -519,12 +520,11 @@ class Scratch(_Arrays):
     corner_load: np.ndarray = entry(
         "corner load", unit="N", meaning="of pressures in and on the sheet, in blocks of elements"
     )
-    near_span: np.ndarray = entry(
-        "tool",
-        "span",
-        unit="1",
-        meaning="whether a node of the span is near the tool",
-        dtype=np.uint8,
+    near_pack: np.ndarray = entry(
+        "pack", "tool", unit="1", meaning="1 where a node of it is near the tool", dtype=np.uint8
+    )
+    tools_near: np.ndarray = entry(
+        "pack", unit="1", meaning="tools near a node of a pack", dtype=np.int32
     )
     bending_middle: np.ndarray = entry(
         "bending middle",

@@ -1,9 +1,10 @@
 """Operations of the parts of a step, counted in their compiled code.
 
 Each part is compiled once more for numbers instead of vectors, in a process of its own: then every
-instruction of its loop over elements or nodes is one operation of one of them. A fused multiply-add
-counts as two, as in the largest rate of the machine it is compared with. Comparisons and choices
-are none.
+instruction of its loop over elements or nodes is one operation of one of them. What is written for
+packs of nodes stays packed: there an instruction is one of as many nodes as its registers hold. A
+fused multiply-add counts as two, as in the largest rate of the machine it is compared with.
+Comparisons and choices are none.
 """
 
 from __future__ import annotations
@@ -14,37 +15,40 @@ import re
 import subprocess
 import sys
 import tempfile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import numpy as np
-from numba import njit, typeof
+from numba import njit, typeof, types
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.bench.hemisphere import SCENE
-from lcmchain.effects.fibre_bending import NEAR_ROWS, add_vectors, find_middle, find_vectors
-from lcmchain.elements.blocks import LANES
+from lcmchain.effects.fibre_bending import bend
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.errors import SimulationError
+from lcmchain.packs import PACK, pack
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_forces import ROWS, find_gaps, make_forces
+from lcmchain.solver.contact_forces import PackOfNodes, press, rub
 from lcmchain.solver.simulation import Simulation
-from lcmchain.tools.profiles import ARC, CORNER_COLUMNS
-from lcmchain.tools.span_distance import (
-    LOCAL_X,
-    distances_to_arc,
-    distances_to_corner,
-    distances_to_line,
+from lcmchain.tools.distance import gaps
+from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT
+from lcmchain.tools.pack_distance import (
+    closer_arc,
+    closer_corner,
+    closer_line,
     faces_level_part,
     profile_distances,
-    span_distances,
-    to_tool_frame,
 )
-from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK, load_rows
+from lcmchain.tools.profiles import ARC, CORNER_COLUMNS
+from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 #: Of one number each, on x86: arithmetic, square roots, the larger or smaller of two.
 SINGLE = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)sd\s")
 FUSED = re.compile(r"\svfn?m(?:add|sub)(?:132|213|231)sd\s")
+#: The same of packed numbers, with the first letter of the registers.
+PACKED = re.compile(r"\sv?(?:add|sub|mul|div|sqrt)pd\s[^\n]*%([xyz])mm")
+PACKED_FUSED = re.compile(r"\svfn?m(?:add|sub)(?:132|213|231)pd\s[^\n]*%([xyz])mm")
+WIDTH = {"x": 2, "y": 4, "z": 8}
 NO_VECTORS = {"NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
 # Several turns of a loop in one would count as often.
 NO_UNROLLING = ("--unroll-allow-partial=0", "--unroll-runtime=0")
@@ -54,7 +58,7 @@ class Operations(NamedTuple):
     """Operations of the loops of a step of MD600 on a flat sheet.
 
     kernel : per element. bending : of the fibres, per mid-surface node.
-    Of contact, per node of a span near a tool: frame : to that of the tool, and whether its level
+    Of contact, per node of a pack near a tool: frame : to that of the tool, and whether its level
     part is the nearest. profile : of the distance to a profile, with line, arc and corner for each
     of its pieces. gap : from the distance. force : pressure and friction, where a node touches.
     """
@@ -99,30 +103,45 @@ def counted(assembly: str) -> int:
     return len(SINGLE.findall(assembly)) + 2 * len(FUSED.findall(assembly))
 
 
+def counted_of_packs(assembly: str) -> int:
+    """Return the operations per node in x86 code for packs of them."""
+    once = sum(WIDTH[register] for register in PACKED.findall(assembly))
+    twice = sum(WIDTH[register] for register in PACKED_FUSED.findall(assembly))
+    return (once + 2 * twice) // PACK
+
+
 def contact_operations(simulation: Simulation, operations: Operations) -> float:
     """Return the operations of the contact with revolved tools, of a step at the present state."""
     arrays, table = simulation.arrays, simulation.model.tools
-    work, total = np.empty(ROWS * SPAN), 0
+    position, total = np.ascontiguousarray(arrays.position.T), 0
     for tool in range(table.kind.size):
         pieces = table.segments[table.segment_start[tool] : table.segment_start[tool + 1], 0]
         arcs = int(np.sum(pieces == ARC))
         corners = int(table.corner_start[tool + 1] - table.corner_start[tool])
         profile = operations.profile + operations.arc * arcs + operations.corner * corners
         profile += operations.line * (pieces.size - arcs)
-        travel, overlap = arrays.tool_travel[tool], table.initial_overlap[tool]
-        for span in np.flatnonzero(arrays.near_span[tool]).tolist():
-            chunk, place = divmod(span, SPANS_OF_CHUNK)
-            begin = int(arrays.chunk_start[chunk]) + place * SPAN
-            count = min(SPAN, int(arrays.chunk_start[chunk + 1]) - begin)
-            load_rows(arrays.position, begin, count, LOCAL_X, work)
-            to_tool_frame(table, tool, travel, work)
-            level = faces_level_part(table.level_part[tool], True, work)
-            span_distances(table, tool, arrays.position, begin, count, travel, work)
-            touching, _ = find_gaps(arrays.offset, begin, count, overlap, 0.0, work)
+        travel = float(arrays.tool_travel[tool])
+        gap = gaps(table, tool, position, travel) - (arrays.offset - table.initial_overlap[tool])
+        level = _near_level_part(table, tool, position, travel)
+        for number in np.flatnonzero(arrays.near_pack[:, tool]).tolist():
+            chunk, place = divmod(number, PACKS_OF_CHUNK)
+            begin = int(arrays.chunk_start[chunk]) + place * PACK
+            own = slice(begin, min(begin + PACK, int(arrays.chunk_start[chunk + 1])))
             total += operations.frame + operations.gap
-            total += 0 if level else profile
-            total += operations.force if touching else 0
-    return float(SPAN * total)
+            total += 0 if level[own].all() else profile
+            total += operations.force if (gap[own] < 0.0).any() else 0
+    return float(PACK * total)
+
+
+def _near_level_part(table: Any, tool: int, position: np.ndarray, travel: float) -> np.ndarray:
+    """Tell which nodes lie nearer to the level part of a revolved tool than to any other part."""
+    part = table.level_part[tool]
+    x, y, z = (position - table.origin[tool] - travel * table.direction[tool]).T
+    away, across = np.abs(z - part[HEIGHT]), np.hypot(x, y)
+    found: np.ndarray = (
+        (across > part[BEGIN] + away) & (across < part[END] - away) & (away < part[DEPTH])
+    )
+    return found
 
 
 def _operations_of(function: Dispatcher, *arguments: object) -> int:
@@ -132,9 +151,11 @@ def _operations_of(function: Dispatcher, *arguments: object) -> int:
     options = {k: v for k, v in function.targetoptions.items() if k not in left_out}
     options |= {"parallel": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     fresh = njit(**options)(function.py_func)
-    fresh.compile(tuple(map(typeof, arguments)))
+    kinds = [one if isinstance(one, types.Type) else typeof(one) for one in arguments]
+    fresh.compile(tuple(kinds))
     (assembly,) = fresh.inspect_asm().values()
-    return counted(assembly)
+    in_packs = any(pack in (kind, getattr(kind, "dtype", None)) for kind in kinds)
+    return counted_of_packs(assembly) if in_packs else counted(assembly)
 
 
 def _count_here() -> Operations:
@@ -144,36 +165,34 @@ def _count_here() -> Operations:
     data, tools = model.only_body().data, model.tools
     assert model.fibre_bending is not None
     fibres = model.fibre_bending.data
-    near, work = np.empty(NEAR_ROWS * LANES), np.empty(ROWS * SPAN)
-    middle, vector = arrays.bending_middle, arrays.bending_vector
     piece, corner = tools.segments[0], np.zeros(CORNER_COLUMNS)
+    vector, best = types.UniTuple(pack, 3), types.UniTuple(pack, 5)
+    nodes = types.NamedTuple((vector, pack, types.float64, pack, pack, pack), PackOfNodes)
     pieces = [
-        _operations_of(distances_to_line, piece, work),
-        _operations_of(distances_to_arc, piece, work),
-        _operations_of(distances_to_corner, corner, work),
+        _operations_of(closer_line, piece, pack, pack, best),
+        _operations_of(closer_arc, piece, pack, pack, best),
+        _operations_of(closer_corner, corner, pack, pack, best),
     ]
     # that of all profiles holds the code of every piece once
-    profile = _operations_of(profile_distances, tools, 0, True, work) - sum(pieces)
+    profile = _operations_of(profile_distances, tools, 0, True, vector) - sum(pieces)
     return Operations(
         kernel=_operations_of(
             element_forces, arrays.position, data.corner_node, data.corner_run, data.element_data,
             arrays.corner_force, arrays.history, data.law, data.options, data.quick_data,
             data.quick_options, data.general, 0.0, 0.0,
         ),
-        bending=_operations_of(find_middle, fibres, arrays.position, middle, 0, near)
-        + _operations_of(find_vectors, fibres, middle, vector, 0, near)
-        + _operations_of(add_vectors, fibres, vector, arrays.corner_force, 0, near),
+        # with the middle between two nodes, and the sums of four vectors that come and four sent
+        bending=_operations_of(bend, fibres.constants, 0, *[vector] * 5) + 6 + 24,
         # from the origin of the tool, whose axes are the global ones
-        frame=3 + _operations_of(faces_level_part, tools.level_part[0], True, work),
+        frame=3 + _operations_of(faces_level_part, tools.level_part[0], True, vector),
         profile=profile,
         line=pieces[0],
         arc=pieces[1],
         corner=pieces[2],
-        gap=_operations_of(find_gaps, arrays.offset, 0, SPAN, 0.0, 0.0, work),
-        force=_operations_of(
-            make_forces, model.environment, arrays.free, None, (0.0, 0.0, 0.0), 0.1, SPAN, 0.0, 0.0,
-            work,
-        ),
+        # less the offset of the node and the overlap at the start
+        gap=2,
+        force=_operations_of(press, nodes, vector, pack, vector, vector, vector, 0.0, 0.0)
+        + _operations_of(rub, nodes, pack, vector, pack, vector, vector, 0.0),
     )  # fmt: skip
 
 

@@ -15,10 +15,11 @@ from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.measure import Measurement, kernel_work, measure
 from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
+from lcmchain.elements.force_slots import gather_internal_forces, runs_of_slots
 from lcmchain.jit import entry
-from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_span
-from lcmchain.solver.contact_search import find_near_spans
-from lcmchain.solver.loop import gather_internal_forces, integrate
+from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_contact
+from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.solver.loop import integrate
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 
 #: As many as go by while the frequency is looked at once.
@@ -60,19 +61,19 @@ def repeated_bending(data, position, corner_force, middle, vector, calls):
 
 
 @entry
-def repeated_gather(arrays, calls):
+def repeated_gather(arrays, runs, calls):
     """Sum the corner forces at the nodes so often."""
     start = arrays.chunk_start
     for _ in range(calls):
-        for first, last in zip(start[:-1], start[1:]):
-            gather_internal_forces(arrays, arrays.force_slot, first, last)
+        for chunk in range(start.size - 1):
+            gather_internal_forces(arrays, runs, chunk, start[chunk], start[chunk + 1])
 
 
 @entry
 def repeated_contact(arrays, tools, environment, dt, calls):
     """Evaluate the contact of all nodes so often."""
     start = arrays.chunk_start
-    work, sums = np.empty(scratch_of_span(tools)), np.zeros(SUMS)
+    work, sums = np.empty(scratch_of_contact(tools)), np.zeros(SUMS)
     for _ in range(calls):
         for chunk in range(start.size - 1):
             add_contact_forces(
@@ -126,7 +127,8 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
     model, arrays = simulation.model, simulation.arrays
     assert model.fibre_bending is not None
     bending = model.fibre_bending.data
-    find_near_spans(arrays.near, arrays.chunk_start, arrays.near_span)
+    runs = runs_of_slots(model.nodes.force_slot, model.nodes.chunk_start, model.empty_slot)
+    find_near_packs(arrays.near, arrays.chunk_start, arrays.near_pack, arrays.tools_near)
     at_rest = arrays._replace(
         position=arrays.position.copy(),
         velocity=np.zeros_like(arrays.velocity),
@@ -137,7 +139,7 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
             bending, arrays.position, arrays.corner_force, arrays.bending_middle,
             arrays.bending_vector, CALLS,
         ),
-        "forces of the elements at the nodes": lambda: repeated_gather(arrays, CALLS),
+        "forces of the elements at the nodes": lambda: repeated_gather(arrays, runs, CALLS),
         CONTACT: lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
         "motion of the nodes": lambda: repeated_motion(at_rest, model.environment, dt, CALLS),
     }  # fmt: skip

@@ -58,8 +58,8 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     elastic = stiffness * depth
     leaving = velocity + interval * (acceleration + mobility * elastic)
     # of a way longer than the depth, depth over way is spent inside
-    way_in = max(-velocity * dt_last, depth, SHORTEST_WAY)
-    way_out = max(leaving * dt, depth, SHORTEST_WAY)
+    way_in = max(-velocity * dt_last, max(depth, SHORTEST_WAY))
+    way_out = max(leaving * dt, max(depth, SHORTEST_WAY))
     ways = way_in * way_out
     damped = 1.0 + 0.5 * interval * mobility * damping
     # one division for the sum of both parts and for the damping

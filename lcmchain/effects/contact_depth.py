@@ -61,7 +61,7 @@ def offset_change(depth, offset, share, stiffening):
     relative = 1.0 + stiffening * max(depth + offset, 0.0)
     change = min(relative * share, 1.0) * depth
     # neither the offset nor the force may become negative
-    return max(change, -offset, -(depth + offset))
+    return max(change, max(-offset, -(depth + offset)))
 
 
 def depth_control(

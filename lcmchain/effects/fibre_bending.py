@@ -37,24 +37,26 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
-from lcmchain.elements.lane_runs import find_runs, load_vectors
+from lcmchain.elements.lane_runs import find_runs, load_three, vector_of_lanes
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import entry, equation, kernel, span_part, span_routine
+from lcmchain.jit import entry, equation, kernel, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
+from lcmchain.packs import PACK, load, store
 
 # Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
 # fibre 1, then fibre 2; the force on it.
 CONSTANT_ROWS = 10
 AREA_ROW = 8
+SHARE_ROW = 9
 INDEX_ROWS = 10
 MIDDLE_ROWS = 3
 VECTOR_ROWS = 12
 FORCE_ROWS = 3
-# Rows of scratch: three for each of four neighbours.
-NEAR_ROWS = 12
 # Columns of the constants that have the same unit, one group behind the other.
 CONSTANT_GROUPS = (4, 2, 2, 1, 1)
+# Packs of nodes in a block.
+HALVES = LANES // PACK
 # Blocks that a thread takes at a time.
 PIECE = 8
 # Part of the area between the two fibres below which a sheet counts as folded on itself. Shear
@@ -382,89 +384,89 @@ def fibre_bending_forces(data, first, last, position, corner_force, middle, vect
     """
     pieces = -(-(last - first) // PIECE)
     for piece in prange(pieces):
-        near = np.empty(NEAR_ROWS * LANES)
         for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
-            find_middle(data, position, middle, block, near)
+            find_middle(data, position, middle, block)
     for piece in prange(pieces):
-        near = np.empty(NEAR_ROWS * LANES)
         for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
-            find_vectors(data, middle, vector, block, near)
+            find_vectors(data, middle, vector, block)
     for piece in prange(pieces):
-        near = np.empty(NEAR_ROWS * LANES)
         for block in range(first + piece * PIECE, min(first + (piece + 1) * PIECE, last)):
-            add_vectors(data, vector, corner_force, block, near)
+            add_vectors(data, vector, corner_force, block)
 
 
 @span_routine
-def find_middle(data, position, middle, block, near):
+def find_middle(data, position, middle, block):
     """Write the places of the nodes of a block."""
-    place = data.place[block]
-    own = middle[place * MIDDLE_ROWS * LANES : (place + 1) * MIDDLE_ROWS * LANES]
-    load_neighbours(data, position, position.shape[1], block, 0, 2, near)
-    for lane in range(MIDDLE_ROWS * LANES):
-        own[lane] = 0.5 * (near[lane] + near[MIDDLE_ROWS * LANES + lane])
+    own = data.place[block] * MIDDLE_ROWS * LANES
+    for half in range(HALVES):
+        below = neighbour(data, position, position.shape[1], block, 0, half)
+        above = neighbour(data, position, position.shape[1], block, 1, half)
+        store3(middle, own + half * PACK, scaled(0.5, plus(1.0, below, above)))
 
 
 @span_routine
-def find_vectors(data, middle, vector, block, near):
+def find_vectors(data, middle, vector, block):
     """Write what the nodes send to their neighbours along the fibres."""
-    load_neighbours(data, middle, LANES, block, 2, 6, near)
-    place, start = data.place[block], data.start[block]
-    constants = data.constants[start : start + CONSTANT_ROWS * LANES]
-    here = middle[place * MIDDLE_ROWS * LANES : (place + 1) * MIDDLE_ROWS * LANES]
-    own = vector[place * VECTOR_ROWS * LANES : (place + 1) * VECTOR_ROWS * LANES]
-    for lane in range(LANES):
-        bend_in_lane(here, near, constants, own, lane)
+    here = data.place[block] * MIDDLE_ROWS * LANES
+    own = data.place[block] * VECTOR_ROWS * LANES
+    for half in range(HALVES):
+        shift = half * PACK
+        before1 = neighbour(data, middle, LANES, block, 2, half)
+        after1 = neighbour(data, middle, LANES, block, 3, half)
+        before2 = neighbour(data, middle, LANES, block, 4, half)
+        after2 = neighbour(data, middle, LANES, block, 5, half)
+        x, constants = load_three(middle, LANES, here + shift), data.start[block] + shift
+        after, before, across_after, across_before = bend(
+            data.constants, constants, x, before1, after1, before2, after2
+        )
+        store3(vector, own + shift, after)
+        store3(vector, own + 3 * LANES + shift, before)
+        store3(vector, own + 6 * LANES + shift, across_after)
+        store3(vector, own + 9 * LANES + shift, across_before)
 
 
 @span_routine
-def add_vectors(data, vector, corner_force, block, near):
+def add_vectors(data, vector, corner_force, block):
     """Write the forces on the nodes: the sums of what they get, less what they send."""
-    load_neighbours(data, vector, LANES, block, 6, 10, near)
-    place, start = data.place[block], data.start[block]
-    constants = data.constants[start : start + CONSTANT_ROWS * LANES]
-    own = vector[place * VECTOR_ROWS * LANES : (place + 1) * VECTOR_ROWS * LANES]
-    first = data.first_force + place * FORCE_ROWS * LANES
-    force = corner_force[first : first + FORCE_ROWS * LANES]
-    for lane in range(LANES):
-        share = constants[9 * LANES + lane]
-        for d in range(3):
-            got = near[d * LANES + lane] + near[(3 + d) * LANES + lane]
-            got += near[(6 + d) * LANES + lane] + near[(9 + d) * LANES + lane]
-            sent = own[d * LANES + lane] + own[(3 + d) * LANES + lane]
-            sent += own[(6 + d) * LANES + lane] + own[(9 + d) * LANES + lane]
-            force[d * LANES + lane] = share * (got - sent)
-
-
-@span_part
-def load_neighbours(data, values, step, block, first_row, last_row, near):
-    """Write to ``near`` what the nodes of a block have at indices of some rows."""
-    indices = data.indices[block * INDEX_ROWS * LANES : (block + 1) * INDEX_ROWS * LANES]
-    for row in range(first_row, last_row):
-        place, to = row * LANES, 3 * (row - first_row) * LANES
-        load_vectors(values, step, indices, place, data.runs, block * INDEX_ROWS + row, near, to)
+    own = data.place[block] * VECTOR_ROWS * LANES
+    first = data.first_force + data.place[block] * FORCE_ROWS * LANES
+    for half in range(HALVES):
+        shift = half * PACK
+        total = neighbour(data, vector, LANES, block, 6, half)
+        for row in range(7, 10):
+            total = plus(1.0, neighbour(data, vector, LANES, block, row, half), total)
+        sent = load_three(vector, LANES, own + shift)
+        for k in range(1, 4):
+            sent = plus(1.0, load_three(vector, LANES, own + 3 * k * LANES + shift), sent)
+        share = load(data.constants, data.start[block] + SHARE_ROW * LANES + shift)
+        store3(corner_force, first + shift, scaled(share, plus(-1.0, sent, total)))
 
 
 @equation
-def load3(array, i):
-    return (array[i], array[i + LANES], array[i + 2 * LANES])
+def neighbour(data, values, step, block, row, half):
+    """Return what half of a block has at the indices of a row, as three packs."""
+    k = block * INDEX_ROWS + row
+    return vector_of_lanes(values, step, data.indices, k * LANES, data.runs, k, half)
 
 
 @equation
-def bend_in_lane(here, near, constants, own, i):
-    """Write what a node sends along and against its fibres: the gradients of its energy.
+def bend(constants, at, x, before1, after1, before2, after2):
+    """Return what nodes send along and against their fibres: the gradients of their energy.
 
     With n = t₁ × t₂ and p the part of the other tangent that is normal to the own one,
     |p| = |n|/|t|: with w = κ p̂ + τ t̂ + ν n̂ and c = t·t₂/|t|², ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n̂/|p| and
     ∂κ/∂t = -c ν n̂/|p| - τ p̂/|t|. Of s, ∂|n|²/∂t₁ = 2 t₂ × n. One division serves all that is
     divided by.
+
+    Parameters
+    ----------
+    constants, at : rows of the constants, and where the first begins. x, before1, ... : places of
+        the nodes and of their neighbours along fibre 1 and 2 [m].
     """
-    L = LANES
-    x = load3(here, i)
-    before1, after1 = load3(near, i), load3(near, i + 3 * L)
-    before2, after2 = load3(near, i + 6 * L), load3(near, i + 9 * L)
-    m1, p1 = constants[i], constants[i + L]
-    m2, p2 = constants[i + 2 * L], constants[i + 3 * L]
+    m1, p1 = load(constants, at), load(constants, at + LANES)
+    m2, p2 = load(constants, at + 2 * LANES), load(constants, at + 3 * LANES)
+    stiffness1, stiffness2 = load(constants, at + 4 * LANES), load(constants, at + 5 * LANES)
+    rest1, rest2 = load(constants, at + 6 * LANES), load(constants, at + 7 * LANES)
     t1, t2 = plus(-1.0, before1, after1), plus(-1.0, before2, after2)
     w1 = curvature_vector(m1, p1, before1, x, after1)
     w2 = curvature_vector(m2, p2, before2, x, after2)
@@ -473,14 +475,14 @@ def bend_in_lane(here, near, constants, own, i):
     inverse = 1.0 / (t11 * t22 * nn + TINY)
     per_t11, per_t22, per_nn = inverse * t22 * nn, inverse * t11 * nn, inverse * t11 * t22
     t12 = dot(t1, t2)
-    per_area2 = constants[i + AREA_ROW * L]
+    per_area2 = load(constants, at + AREA_ROW * LANES)
     s = min(per_area2 * nn, 1.0)
     kept = s * (2.0 - s)
     c1, q1, u1, lift1, slide1, twice1 = bending_of(
-        constants[i + 4 * L], constants[i + 6 * L], w1, t1, t2, t12, t11, per_t11, n, per_nn, kept
+        stiffness1, rest1, w1, t1, t2, t12, t11, per_t11, n, per_nn, kept
     )
     c2, q2, u2, lift2, slide2, twice2 = bending_of(
-        constants[i + 5 * L], constants[i + 7 * L], w2, t2, t1, t12, t22, per_t22, n, per_nn, kept
+        stiffness2, rest2, w2, t2, t1, t12, t22, per_t22, n, per_nn, kept
     )
     fade = 2.0 * per_area2 * (1.0 - s) * (twice1 + twice2)
     # the tangent of one fibre is where the other's p comes from
@@ -488,10 +490,12 @@ def bend_in_lane(here, near, constants, own, i):
     v2 = combination2(lift1 - c2 * lift2, n, -slide2, q2)
     v1 = plus(fade, combination2(t22, t1, -t12, t2), v1)
     v2 = plus(fade, combination2(t11, t2, -t12, t1), v2)
-    store3(own, i, combination2(p1, u1, 1.0, v1))
-    store3(own, i + 3 * L, combination2(m1, u1, -1.0, v1))
-    store3(own, i + 6 * L, combination2(p2, u2, 1.0, v2))
-    store3(own, i + 9 * L, combination2(m2, u2, -1.0, v2))
+    return (
+        combination2(p1, u1, 1.0, v1),
+        combination2(m1, u1, -1.0, v1),
+        combination2(p2, u2, 1.0, v2),
+        combination2(m2, u2, -1.0, v2),
+    )
 
 
 @equation
@@ -518,10 +522,11 @@ def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn, kept):
 
 
 @equation
-def store3(array, i, a):
-    array[i] = a[0]
-    array[i + LANES] = a[1]
-    array[i + 2 * LANES] = a[2]
+def store3(values, place, a):
+    """Write three packs, a row behind each other."""
+    store(values, place, a[0])
+    store(values, place + LANES, a[1])
+    store(values, place + 2 * LANES, a[2])
 
 
 SWITCH = Switch(

@@ -17,6 +17,7 @@ from typing import Any
 from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.jit import equation
+from lcmchain.packs import choose
 
 
 @equation
@@ -25,16 +26,15 @@ def friction(stick, slip_increment, normal, stiffness, limit):
 
     ``stick`` (elastic slip of the tangential spring, [m]) is carried to the present tangent plane,
     grows by the relative displacement since the last step, and returns to the cone |F| <= limit.
-    The slip is measured relative to the tool, so that a common motion produces none.
+    The slip is measured relative to the tool, so that a common motion produces none. Numbers, or
+    packs of them.
     """
     out_of_plane = dot(stick, normal)
     trial = plus(-out_of_plane, normal, stick)
     trial = plus(1.0, trial, slip_increment)
     squared = dot(trial, trial)
     length = math.sqrt(squared)
-    # choices instead of branches: the loops over nodes stay packed
-    slides = stiffness * length > limit
-    scale = limit / (stiffness * length) if slides else 1.0
+    scale = choose(stiffness * length > limit, limit / (stiffness * length), 1.0)
     trial = (scale * trial[0], scale * trial[1], scale * trial[2])
     force = (-stiffness * trial[0], -stiffness * trial[1], -stiffness * trial[2])
     return trial, force

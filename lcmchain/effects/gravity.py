@@ -18,6 +18,7 @@ from numba.extending import overload
 
 from lcmchain.effects.effect import Effect, Switch, of_table
 from lcmchain.jit import INLINED
+from lcmchain.packs import load_first
 
 
 def weights_of(gravity: Any, first: int, last: int) -> Any:
@@ -46,6 +47,18 @@ def _choose_weight(gravity, node):
     if isinstance(gravity, types.Array):
         return lambda gravity, node: gravity[node]
     return lambda gravity, node: gravity
+
+
+def weights_from(gravity: Any, first: int, count: int) -> Any:
+    """Return the accelerations of a pack of nodes [m/s²] as :func:`weight_at` does of one."""
+    raise NotImplementedError("a pack of nodes is of compiled code alone")
+
+
+@overload(weights_from, jit_options=INLINED)
+def _choose_weights_from(gravity, first, count):
+    if isinstance(gravity, types.Array):
+        return lambda gravity, first, count: load_first(gravity, first, count)
+    return lambda gravity, first, count: gravity
 
 
 SWITCH = Switch(

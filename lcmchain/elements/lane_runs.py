@@ -16,7 +16,8 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
 from lcmchain.elements.blocks import LANES
-from lcmchain.jit import span_part
+from lcmchain.jit import equation, span_part
+from lcmchain.packs import PACK, load, load_indexed, load_two
 
 #: Numbers that describe the runs of 16 indices.
 RUN_COLUMNS = 3
@@ -67,6 +68,39 @@ def load_vectors(values, step, indices, place, runs, k, out, row):
             for d in range(3):
                 at = index + d * step
                 out[row + d * LANES + lane] = number_at(values, at)  # type: ignore[call-arg]
+
+
+@equation
+def vector_of_lanes(values, step, indices, place, runs, k, half):
+    """Return three components of 8 of 16 indexed places as packs: the lower or the upper half.
+
+    The parameters are those of :func:`load_vectors`; half : 0 or 1.
+    """
+    first, shift = runs[k * RUN_COLUMNS], half * PACK
+    if first >= 0:
+        first, second = first + shift, runs[k * RUN_COLUMNS + 1] + shift
+        turn = runs[k * RUN_COLUMNS + 2] - shift
+        if turn >= PACK:
+            return load_three(values, step, first)
+        if turn <= 0:
+            return load_three(values, step, second)
+        return (
+            load_two(values, first, second, turn),
+            load_two(values, first + step, second + step, turn),
+            load_two(values, first + 2 * step, second + 2 * step, turn),
+        )
+    at = place + shift
+    return (
+        load_indexed(values, 0, indices, at),
+        load_indexed(values, step, indices, at),
+        load_indexed(values, 2 * step, indices, at),
+    )
+
+
+@equation
+def load_three(values, step, place):
+    """Return three packs, one step behind the other."""
+    return load(values, place), load(values, place + step), load(values, place + 2 * step)
 
 
 @intrinsic

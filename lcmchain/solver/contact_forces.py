@@ -1,72 +1,56 @@
 """Contact forces of the tools on the nodes of a chunk.
 
-Nodes are taken in spans of 16 neighbours (``tools/span_rows.py``), those of which one is near a
-tool. Where one of a span touches, what all of them have is copied into rows of one scratch array;
-one loop over the nodes for each tool, which compiles to vectors, makes its forces. Nodes of the
-span that do not touch the tool get a force of zero.
+Nodes are taken in packs of eight neighbours (:mod:`lcmchain.packs`), those of which one is near a
+tool. Where one of a pack touches a tool, the forces of all eight are made together; nodes that do
+not touch it get a force of zero.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 from lcmchain.dispatch import implements
 from lcmchain.effects.contact import normal_force
 from lcmchain.effects.contact_depth import offset_change
 from lcmchain.effects.friction import friction, friction_loss
-from lcmchain.effects.gravity import weight_at
+from lcmchain.effects.gravity import weights_from
 from lcmchain.effects.interaction import add_to_nodes, on_nodes, scratch_size
-from lcmchain.elements.lane_runs import copy_lanes
 from lcmchain.elements.vectors import dot, plus, products, scaled
-from lcmchain.jit import equation, span_part, span_routine
-from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
-from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, NORMAL_X, span_distances
-from lcmchain.tools.span_rows import (
-    SPAN,
-    SPANS_OF_CHUNK,
-    load_row,
-    load_rows,
-    put_vector,
-    store_row,
-    store_rows,
-    vector_at,
+from lcmchain.jit import equation, span_routine
+from lcmchain.packs import (
+    PACK,
+    any_lane,
+    choose,
+    first_lanes,
+    load,
+    load_first,
+    store,
+    store_first,
+    sum_of,
 )
+from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
+from lcmchain.tools.pack_distance import (
+    DISTANCE_PACKS,
+    keep_distance,
+    kept_distance,
+    load_vector,
+    pack_distance,
+    store_vector,
+)
+from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 from lcmchain.tools.table import ToolTable
 from lcmchain.tools.turn import arm_at
 
-# Rows of the scratch array of a span, behind those of the distance; of vectors the first of three.
-# What the nodes have:
-VELOCITY = DISTANCE_ROWS  # [m/s]
-FORCE = DISTANCE_ROWS + 3  # all that have come before, then with those of the tool [N]
-FREE = DISTANCE_ROWS + 6
-STICK = DISTANCE_ROWS + 9  # elastic slip of the friction springs [m]
-INVERSE_MASS = DISTANCE_ROWS + 12
-AREA = DISTANCE_ROWS + 13
-IMPEDANCE = DISTANCE_ROWS + 14
-NORMAL_FORCE = DISTANCE_ROWS + 15  # sum over the tools [N]
-WEIGHT = DISTANCE_ROWS + 16  # acceleration along -z [m/s²]
-OFFSET = DISTANCE_ROWS + 17  # [m]
-# What contact adds, for the sums: with them in the loop that makes the forces it finds no vectors.
-ADDED = DISTANCE_ROWS + 18  # [N]
-STORED = DISTANCE_ROWS + 21  # energy of the springs [J]
-DAMPED = DISTANCE_ROWS + 22  # energy that contact damping takes [J]
-LOST = DISTANCE_ROWS + 23  # energy that sliding takes [J]
-# Springs of the tools that are still to come, where a span touches several [N].
-PENDING = DISTANCE_ROWS + 24
-# Force that damping takes off the spring, along the normal; of all tools together [N].
-TAKEN = DISTANCE_ROWS + 27
-ALL_TAKEN = DISTANCE_ROWS + 28
-HELD = DISTANCE_ROWS + 31  # further depth that the springs feel [m]
-# Velocity of the tool at the nodes, and that for a turn of 1 rad/s: of tools of which one turns.
-TOOL_VELOCITY = DISTANCE_ROWS + 32  # [m/s]
-ARM = DISTANCE_ROWS + 35  # [m]
-ROWS = DISTANCE_ROWS + 38
-# Behind them, what is kept for every tool: gap and normal, and a row that begins with 1 where the
-# span touches the tool, else with 0.
-TOUCHED = 4
-KEPT_ROWS = 5
-#: No tool.
-NONE = -1
+# What is kept for every tool, in packs: gap and normal of the present nodes, and a number that is
+# 1 where they touch the tool; then what the tool does to the nodes of the chunk, lane by lane.
+TOUCHED = DISTANCE_PACKS
+ADDED = TOUCHED + 1  # force [N]
+STORED = ADDED + 3  # energy of the springs [J]
+DAMPED = ADDED + 4  # energy that contact damping takes [J]
+LOST = ADDED + 5  # energy that sliding takes [J]
+MOMENT = ADDED + 6  # about the axis of a tool that turns [N m]
+KEPT_PACKS = ADDED + 7
 
 
 @implements(on_nodes, ToolTable)
@@ -77,14 +61,14 @@ def the_tools(tools):
 
 @implements(scratch_size, ToolTable)
 @equation
-def scratch_of_span(tools):
-    return (ROWS + KEPT_ROWS * tools.kind.size) * SPAN
+def scratch_of_contact(tools):
+    return KEPT_PACKS * PACK * tools.kind.size
 
 
 @equation
-def kept_place(tool):
-    """Return where the rows that are kept for a tool begin."""
-    return (ROWS + KEPT_ROWS * tool) * SPAN
+def kept_place(tool, row):
+    """Return where a pack that is kept for a tool begins."""
+    return (KEPT_PACKS * tool + row) * PACK
 
 
 @implements(add_to_nodes, ToolTable)
@@ -98,368 +82,336 @@ def add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, 
     """Add the contact forces of all tools to the nodes ``first`` to ``last`` of a chunk.
 
     Energies, the forces on the tools and the deepest penetrations go to ``sums``; ``work`` has
-    :func:`scratch_of_span` numbers.
+    :func:`scratch_of_contact` numbers.
     """
-    contact_force = arrays.contact_force[first:last]
-    for i in range(last - first):
-        contact_force[i] = 0.0
-    clear(PENDING, work)
-    for place in range(-(-(last - first) // SPAN)):
-        span, begin = chunk * SPANS_OF_CHUNK + place, first + place * SPAN
-        count = min(SPAN, last - begin)
-        touching, present = find_contacts(
-            arrays, tools, environment, environment.depth_time, span, begin, count, dt_last, work,
-            sums,
-        )  # fmt: skip
-        if touching > 0:
-            load_span(arrays, arrays.free, environment.gravity, begin, count, work)
-            if touching > 1:
-                keep_distances(present, work)
-                present = NONE
-                add_springs(tools, environment.penalty, work)
-            add_span_forces(
-                arrays, tools, environment, touching, present, begin, count, dt_last, dt, work, sums
-            )
-
-
-@span_part
-def find_contacts(arrays, tools, environment, depth_time, span, begin, count, dt_last, work, sums):
-    """Find the tools that a span touches; return how many they are, and one of them.
-
-    The distances to this one are in their rows, those to the others are kept.
-    """
-    found, present = 0, NONE
-    for tool in range(tools.kind.size):
-        work[kept_place(tool) + TOUCHED * SPAN] = 0.0
-        if arrays.near_span[tool, span] != 0:
-            keep_distances(present, work)
-            present = NONE
-            travel = arrays.tool_travel[tool]
-            span_distances(tools, tool, arrays.position, begin, count, travel, work)
-            deepest = -arrays.penetration_max[tool]
-            touching, deeper = find_gaps(
-                arrays.offset, begin, count, tools.initial_overlap[tool], deepest, work
-            )
-            if deeper > 0:
-                column = WORK_COLUMNS + TOOL_COLUMNS * tool
-                for i in range(SPAN):
-                    sums[column + 3] = min(sums[column + 3], work[GAP * SPAN + i])
-            if depth_time is not None:
-                touching = hold_depths(
-                    arrays.depth_offset[tool], arrays.area, environment, dt_last / depth_time,
-                    begin, count, work, sums,
+    touched = 0
+    for place in range(PACKS_OF_CHUNK):
+        number = chunk * PACKS_OF_CHUNK + place
+        if arrays.tools_near[number] > 0:
+            begin = first + place * PACK
+            count = min(PACK, last - begin)
+            touching, tool = find_contacts(
+                arrays, tools, environment, environment.depth_time, number, begin, count, dt_last,
+                work, sums,
+            )  # fmt: skip
+            if touching > 0 and touched == 0:
+                clear_sums(tools, work)
+            touched += touching
+            if touching == 1:
+                add_force_of_one(
+                    arrays, tools, environment, arrays.free, tools.turn_axis, tool, begin, count,
+                    dt_last, dt, work,
                 )  # fmt: skip
-            sticks = tools.friction[tool] > 0.0
-            if touching > 0 or (sticks and is_displaced(arrays.stick[tool], begin, count)):
-                found += 1
-                present = tool
-                work[kept_place(tool) + TOUCHED * SPAN] = 1.0
-    return found, present
-
-
-@span_part
-def keep_distances(tool, work):
-    """Copy the distances to a tool, where there is one, from their rows to those that are kept."""
-    if tool != NONE:
-        copy_rows(work, GAP * SPAN, kept_place(tool))
-
-
-@span_part
-def copy_rows(work, source, target):
-    """Copy the rows of gap and normal."""
-    for k in range(TOUCHED):
-        row = source + k * SPAN
-        copy_lanes(work, row, row, SPAN, work, target + k * SPAN)  # type: ignore[call-arg]
-
-
-@span_part
-def add_springs(tools, penalty, work):
-    """Start with the springs of all tools that a span touches, and with nothing taken off them."""
-    clear(ALL_TAKEN, work)
-    for tool in range(tools.kind.size):
-        kept = kept_place(tool)
-        if work[kept + TOUCHED * SPAN] > 0.0:
-            copy_rows(work, kept, GAP * SPAN)
-            add_pending(penalty, work)
-
-
-@span_part
-def add_span_forces(
-    arrays, tools, environment, touching, present, begin, count, dt_last, dt, work, sums
-):
-    """Add the contact forces of so many tools to the nodes of a span, ``count`` from ``begin`` on.
-
-    Where one node touches several tools, what each of them takes for the motion of the node has to
-    know of the forces of the others: two tools that hold a sheet from both sides press hard and
-    move nothing. ``present`` is the tool whose distances are in their rows.
-    """
-    for tool in range(tools.kind.size):
-        kept = kept_place(tool)
-        if work[kept + TOUCHED * SPAN] > 0.0:
-            if tool != present:
-                copy_rows(work, kept, GAP * SPAN)
-            if touching > 1:
-                add_pending(-environment.penalty, work)
-            direction, speed = tools.direction, arrays.tool_velocity[tool]
-            velocity = (
-                speed * direction[tool, 0],
-                speed * direction[tool, 1],
-                speed * direction[tool, 2],
-            )
-            turn_axis = tools.turn_axis
-            find_tool_velocities(
-                turn_axis, tools, tool, velocity, speed, arrays.position, begin, count, work
-            )
-            coefficient = tools.friction[tool]
-            if coefficient > 0.0:
-                stick = arrays.stick[tool]
-                load_rows(stick, begin, count, STICK, work)
-                make_forces(
-                    environment, arrays.free, turn_axis, velocity, coefficient, count, dt_last, dt,
-                    work,
+            elif touching > 1:
+                add_forces_of_several(
+                    arrays, tools, environment, arrays.free, tools.turn_axis, begin, count,
+                    dt_last, dt, work, sums,
                 )  # fmt: skip
-                store_rows(work, STICK, stick, begin, count)
             else:
-                make_forces(
-                    environment, arrays.free, turn_axis, velocity, None, count, dt_last, dt, work
-                )
-            if touching > 1:
-                share_damping(turn_axis, velocity, dt_last, dt, work)
-            add_sums(work, sums, WORK_COLUMNS + TOOL_COLUMNS * tool)
-            add_moment(turn_axis, work, sums, WORK_COLUMNS + TOOL_COLUMNS * tools.kind.size + tool)
-    if touching > 1:
-        add_shared_damping(arrays.free, dt_last, dt, work, sums)
-        clear(PENDING, work)
-    store_rows(work, FORCE, arrays.force, begin, count)
-    store_row(work, NORMAL_FORCE, arrays.contact_force, begin, count)
-
-
-@span_part
-def clear(row, work):
-    """Set three rows to zero."""
-    for i in range(SPAN):
-        put_vector(work, row, i, (0.0, 0.0, 0.0))
-
-
-@span_part
-def add_pending(penalty, work):
-    """Add the springs of a tool, or take them away, to those of the tools that follow."""
-    for i in range(SPAN):
-        depth = max(-work[GAP * SPAN + i], 0.0)
-        force = penalty * work[AREA * SPAN + i] * depth
-        pending = plus(force, vector_at(work, NORMAL_X, i), vector_at(work, PENDING, i))
-        put_vector(work, PENDING, i, pending)
-
-
-@span_part
-def find_tool_velocities(
-    turn_axis, tools, tool, tool_velocity, speed, position, begin, count, work
-):
-    """Write the velocities of a tool at the nodes, and those for 1 rad/s, where a tool turns."""
-    if turn_axis is not None:
-        load_rows(position, begin, count, ARM, work)
-        for i in range(SPAN):
-            x, y, z = vector_at(work, ARM, i)
-            arm = arm_at(tools, tool, x, y, z)
-            put_vector(work, ARM, i, arm)
-            put_vector(work, TOOL_VELOCITY, i, plus(speed, arm, tool_velocity))
+                store_first(arrays.contact_force, begin, load_first(work, 0, 0), count)
+    if touched > 0:
+        add_sums(tools, tools.turn_axis, work, sums)
 
 
 @equation
-def velocity_of_tool(turn_axis, tool_velocity, work, i):
-    """Return the velocity of a tool at a node [m/s]: everywhere the same where no tool turns."""
-    if turn_axis is not None:
-        return vector_at(work, TOOL_VELOCITY, i)
-    return tool_velocity
+def clear_sums(tools, work):
+    """Set to zero what is summed up over a chunk."""
+    for tool in range(tools.kind.size):
+        for k in range(kept_place(tool, ADDED), kept_place(tool, KEPT_PACKS)):
+            work[k] = 0.0
 
 
-@span_part
-def add_moment(turn_axis, work, sums, column):
-    """Sum up the moment of the forces on a tool about its axis, where a tool turns."""
-    if turn_axis is not None:
-        moment = 0.0
-        for i in range(SPAN):
-            moment += dot(vector_at(work, ADDED, i), vector_at(work, ARM, i))
-        sums[column] -= moment
+@equation
+def find_contacts(
+    arrays, tools, environment, depth_time, number, begin, count, dt_last, work, sums
+):
+    """Find the tools that a pack of nodes touches; return how many they are, and the last of them.
 
-
-@span_part
-def share_damping(turn_axis, tool_velocity, dt_last, dt, work):
-    """Set aside what damping takes off the springs, and leave of its energy the part of the tool.
-
-    The mean velocity of a node is known when all tools have added their forces.
+    Their gaps and normals are kept.
     """
-    interval = 0.5 * (dt_last + dt)
-    for i in range(SPAN):
-        normal, taken = vector_at(work, NORMAL_X, i), work[TAKEN * SPAN + i]
-        put_vector(work, ALL_TAKEN, i, plus(taken, normal, vector_at(work, ALL_TAKEN, i)))
-        moving = velocity_of_tool(turn_axis, tool_velocity, work, i)
-        work[DAMPED * SPAN + i] = -interval * taken * dot(moving, normal)
+    found, last = 0, 0
+    for tool in range(tools.kind.size):
+        work[kept_place(tool, TOUCHED)] = 0.0
+        if arrays.near_pack[number, tool] != 0:
+            at, position = kept_place(tool, 0), load_vector(arrays.position, begin, count)
+            distance, normal = pack_distance(
+                tools, tool, position, arrays.tool_travel[tool], work, at
+            )
+            gap = distance - (load_first(arrays.offset, begin, count) - tools.initial_overlap[tool])
+            # of fewer nodes than a pack has the others have no mass, area and velocity
+            gap = choose(first_lanes(count), gap, math.inf)
+            keep_distance(gap, normal, work, at)
+            if any_lane(gap < -arrays.penetration_max[tool]):
+                deepest = WORK_COLUMNS + TOOL_COLUMNS * tool + 3
+                for i in range(at, at + PACK):
+                    sums[deepest] = min(sums[deepest], work[i])
+            if depth_time is not None:
+                gap = hold_depths(
+                    arrays.depth_offset[tool], arrays.area, environment, dt_last / depth_time,
+                    begin, count, gap, sums,
+                )  # fmt: skip
+                store(work, at, gap)
+            touches = any_lane(gap < 0.0)
+            if not touches and tools.friction[tool] > 0.0:
+                # a spring that is left from the step before is still to be lost
+                stick = load_vector(arrays.stick[tool], begin, count)
+                touches = any_lane((stick[0] != 0.0) | (stick[1] != 0.0) | (stick[2] != 0.0))
+            work[kept_place(tool, TOUCHED)] = 1.0 if touches else 0.0
+            found += 1 if touches else 0
+            last = tool if touches else last
+    return found, last
 
 
-@span_part
-def add_shared_damping(free, dt_last, dt, work, sums):
-    """Sum up what the damping of all tools takes from the motion of the nodes."""
-    interval, total = 0.5 * (dt_last + dt), 0.0
-    for i in range(SPAN):
-        change = scaled(work[INVERSE_MASS * SPAN + i], vector_at(work, FORCE, i))
-        change = (change[0], change[1], change[2] - work[WEIGHT * SPAN + i])
-        if free is not None:
-            change = products(change, vector_at(work, FREE, i))
-        mean = plus(0.5 * interval, change, vector_at(work, VELOCITY, i))
-        total += interval * dot(vector_at(work, ALL_TAKEN, i), mean)
-    sums[CONTACT_DAMPING] += total
+@equation
+def hold_depths(offset, area, environment, share, begin, count, gap, sums):
+    """Move the offsets of the depths on; return the gaps with them.
 
-
-@span_part
-def find_gaps(offset, begin, count, overlap, deepest, work):
-    """Turn distances into gaps [m]; return how many nodes touch, and how many lie the deepest."""
-    touching, deeper = 0, 0
-    load_row(offset, begin, count, OFFSET, work)
-    for i in range(SPAN):
-        gap = work[GAP * SPAN + i] - (work[OFFSET * SPAN + i] - overlap)
-        gap = gap if i < count else math.inf
-        work[GAP * SPAN + i] = gap
-        touching += 1 if gap < 0.0 else 0
-        deeper += 1 if gap < deepest else 0
-    return touching, deeper
-
-
-@span_part
-def hold_depths(offset, area, environment, share, begin, count, work, sums):
-    """Move the offsets of the depths on, and gaps by them; return how many nodes touch.
-
-    See :mod:`lcmchain.effects.contact_depth`. The loop over the springs that follows adds
-    ½ k (depth + h)² to the energy; here ½ k h² is taken off it.
+    See :mod:`lcmchain.effects.contact_depth`. The energy of the springs is made from these gaps,
+    ½ k (depth + h)²; here ½ k h² is taken off it.
     """
-    touching, stored, added = 0, 0.0, 0.0
-    load_row(offset, begin, count, HELD, work)
-    load_row(area, begin, count, AREA, work)
-    for i in range(SPAN):
-        depth, held = -work[GAP * SPAN + i], work[HELD * SPAN + i]
-        stiffness = environment.penalty * work[AREA * SPAN + i] if i < count else 0.0
-        touches = depth + held > 0.0
-        change = offset_change(depth, held, share, environment.depth_stiffening)
-        after = held + change if touches else 0.0
-        booked = change * depth if touches else 0.5 * held * held
-        work[HELD * SPAN + i] = after
-        work[GAP * SPAN + i] -= after
-        touching += 1 if work[GAP * SPAN + i] < 0.0 else 0
-        added += stiffness * booked if i < count else 0.0
-        stored += 0.5 * stiffness * after * after
-    store_row(work, HELD, offset, begin, count)
-    sums[CONTACT] -= stored
-    sums[EXTERNAL] += added
-    return touching
+    depth, held = -gap, load_first(offset, begin, count)
+    stiffness = environment.penalty * load_first(area, begin, count)
+    touches = depth + held > 0.0
+    change = offset_change(depth, held, share, environment.depth_stiffening)
+    after = choose(touches, held + change, 0.0)
+    booked = choose(touches, change * depth, 0.5 * held * held)
+    store_first(offset, begin, after, count)
+    sums[CONTACT] -= sum_of(0.5 * stiffness * after * after)
+    sums[EXTERNAL] += sum_of(stiffness * booked)
+    return gap - after
 
 
-@span_part
-def is_displaced(stick, begin, count):
-    """Tell whether a friction spring of the span holds any slip."""
-    displaced = 0
-    for i in range(begin, begin + count):
-        displaced += 1 if (stick[0, i] != 0.0) | (stick[1, i] != 0.0) | (stick[2, i] != 0.0) else 0
-    return displaced > 0
+class PackOfNodes(NamedTuple):
+    """What contact asks of eight nodes, in packs.
 
-
-@span_part
-def load_span(arrays, free, gravity, begin, count, work):
-    """Copy what the nodes have into their rows."""
-    load_rows(arrays.velocity, begin, count, VELOCITY, work)
-    load_rows(arrays.force, begin, count, FORCE, work)
-    if free is not None:
-        load_rows(free, begin, count, FREE, work)
-    load_row(arrays.inverse_mass, begin, count, INVERSE_MASS, work)
-    load_row(arrays.area, begin, count, AREA, work)
-    load_row(arrays.impedance, begin, count, IMPEDANCE, work)
-    load_row(arrays.contact_force, begin, count, NORMAL_FORCE, work)
-    for i in range(SPAN):
-        work[WEIGHT * SPAN + i] = weight_at(gravity, begin + min(i, count - 1))
-
-
-@span_part
-def make_forces(environment, free, turn_axis, tool_velocity, coefficient, count, dt_last, dt, work):
-    """Add pressure and friction to the forces on the nodes, and move the friction springs on.
-
-    Without friction ``coefficient`` is None. The spring of a node that lifts off is lost, and its
-    energy with it.
+    velocity : [m/s]. inverse_mass : [1/kg]. weight : acceleration along -z, a number or a pack
+    [m/s²]. stiffness, tangential : of the springs against the normal and along the tool [N/m].
+    damping : [N s/m].
     """
+
+    velocity: Any
+    inverse_mass: Any
+    weight: Any
+    stiffness: Any
+    tangential: Any
+    damping: Any
+
+
+@equation
+def load_nodes(arrays, environment, begin, count):
     penalty = environment.penalty
     damping = environment.contact_damping_ratio * 2.0 * math.sqrt(penalty)
-    tangential = environment.tangential_ratio * penalty
-    for i in range(SPAN):
-        gap = work[GAP * SPAN + i]
-        touches = gap < 0.0
-        normal = vector_at(work, NORMAL_X, i)
-        before = vector_at(work, FORCE, i)
-        others = plus(1.0, vector_at(work, PENDING, i), before)
-        moving = velocity_of_tool(turn_axis, tool_velocity, work, i)
-        velocity = plus(-1.0, moving, vector_at(work, VELOCITY, i))
-        leaving = dot(velocity, normal)
-        movable = normal
-        if free is not None:
-            movable = products(normal, vector_at(work, FREE, i))
-        inverse_mass, area = work[INVERSE_MASS * SPAN + i], work[AREA * SPAN + i]
-        stiffness = penalty * area
-        pressure, taken, damped = normal_force(
-            stiffness,
-            damping * work[IMPEDANCE * SPAN + i],
-            gap,
-            leaving,
-            dot(movable, normal) * inverse_mass,
-            dot(movable, others) * inverse_mass - movable[2] * work[WEIGHT * SPAN + i],
-            dt_last,
-            dt,
-        )
-        pressure = pressure if touches else 0.0
-        force = scaled(pressure, normal)
-        stored = 0.5 * stiffness * gap * gap if touches else 0.0
-        if coefficient is not None:
-            stiffness = tangential * area
-            before_slip = vector_at(work, STICK, i)
-            way = scaled(dt_last, velocity)
-            slip = scaled(dt_last, plus(-leaving, normal, velocity))
-            limit = coefficient * pressure
-            stick, drag = friction(before_slip, slip, normal, stiffness, limit)
-            stick = vector_where(touches, stick)
-            put_vector(work, STICK, i, stick)
-            force = plus(1.0, vector_where(touches, drag), force)
-            stored += 0.5 * stiffness * dot(stick, stick)
-            lost = friction_loss(before_slip, stick, way, stiffness)
-            work[LOST * SPAN + i] = lost if i < count else 0.0
-        else:
-            work[LOST * SPAN + i] = 0.0
-        put_vector(work, FORCE, i, plus(1.0, before, force))
-        put_vector(work, ADDED, i, force)
-        work[NORMAL_FORCE * SPAN + i] += pressure
-        work[STORED * SPAN + i] = stored
-        work[TAKEN * SPAN + i] = taken if touches else 0.0
-        work[DAMPED * SPAN + i] = damped if touches else 0.0
+    stiffness = penalty * load_first(arrays.area, begin, count)
+    return PackOfNodes(
+        load_vector(arrays.velocity, begin, count),
+        load_first(arrays.inverse_mass, begin, count),
+        weights_from(environment.gravity, begin, count),
+        stiffness,
+        environment.tangential_ratio * stiffness,
+        damping * load_first(arrays.impedance, begin, count),
+    )
+
+
+@equation
+def movable_part(free, a, begin, count):
+    """Return a vector without the components in which nodes are held; none is without ``free``."""
+    if free is not None:
+        return products(a, load_vector(free, begin, count))
+    return a
+
+
+@equation
+def add_force_of_one(
+    arrays, tools, environment, free, turn_axis, tool, begin, count, dt_last, dt, work
+):
+    """Add the contact forces of the one tool that a pack of nodes touches."""
+    nodes = load_nodes(arrays, environment, begin, count)
+    force = load_vector(arrays.force, begin, count)
+    force, pressure, _, damped = add_force_of_tool(
+        arrays, tools, tool, free, turn_axis, nodes, force, force, begin, count, dt_last, dt, work
+    )
+    add(work, kept_place(tool, DAMPED), damped)
+    store_vector(arrays.force, begin, count, force)
+    store_first(arrays.contact_force, begin, pressure, count)
+
+
+@equation
+def add_forces_of_several(
+    arrays, tools, environment, free, turn_axis, begin, count, dt_last, dt, work, sums
+):
+    """Add the contact forces of the tools that a pack of nodes touches.
+
+    Where one node touches several tools, what each of them takes for the motion of the node has to
+    know of the forces of the others: two tools that hold a sheet from both sides press hard and
+    move nothing.
+    """
+    nodes = load_nodes(arrays, environment, begin, count)
+    force, interval = load_vector(arrays.force, begin, count), 0.5 * (dt_last + dt)
+    pressed = 0.0 * nodes.stiffness
+    # springs of the tools that are still to come, and what damping has taken off those before [N]
+    pending = taken_off = (pressed, pressed, pressed)
+    for tool in range(tools.kind.size):
+        pending = plus_spring(1.0, nodes.stiffness, tool, work, pending)
+    for tool in range(tools.kind.size):
+        if work[kept_place(tool, TOUCHED)] > 0.0:
+            pending = plus_spring(-1.0, nodes.stiffness, tool, work, pending)
+            others = plus(1.0, pending, force)
+            force, pressure, taken, _ = add_force_of_tool(
+                arrays, tools, tool, free, turn_axis, nodes, force, others, begin, count, dt_last,
+                dt, work,
+            )  # fmt: skip
+            pressed += pressure
+            taken_off = plus(1.0, taken, taken_off)
+            # the motion is known when all have added their forces; this is the part of the tool
+            against = velocity_against(arrays, tools, tool, turn_axis, nodes.velocity, begin, count)
+            moving = plus(-1.0, against, nodes.velocity)
+            add(work, kept_place(tool, DAMPED), -interval * dot(moving, taken))
+    change = scaled(nodes.inverse_mass, force)
+    change = (change[0], change[1], change[2] - nodes.weight)
+    mean = plus(0.5 * interval, movable_part(free, change, begin, count), nodes.velocity)
+    sums[CONTACT_DAMPING] += interval * sum_of(dot(taken_off, mean))
+    store_vector(arrays.force, begin, count, force)
+    store_first(arrays.contact_force, begin, pressed, count)
+
+
+@equation
+def add_force_of_tool(
+    arrays, tools, tool, free, turn_axis, nodes, force, others, begin, count, dt_last, dt, work
+):
+    """Return forces with those of a tool, its pressure, what damping takes [N], and its energy [J].
+
+    others : all forces on the nodes but that of the tool [N].
+    """
+    gap, normal = kept_distance(work, kept_place(tool, 0))
+    velocity = velocity_against(arrays, tools, tool, turn_axis, nodes.velocity, begin, count)
+    movable = movable_part(free, normal, begin, count)
+    pressure, taken, damped, stored = press(
+        nodes, movable, gap, normal, velocity, others, dt_last, dt
+    )
+    added = scaled(pressure, normal)
+    if tools.friction[tool] > 0.0:
+        before = load_vector(arrays.stick[tool], begin, count)
+        limit = tools.friction[tool] * pressure
+        drag, stick, kept, lost = rub(nodes, limit, before, gap, normal, velocity, dt_last)
+        store_vector(arrays.stick[tool], begin, count, stick)
+        added = plus(1.0, drag, added)
+        stored += kept
+        add(work, kept_place(tool, LOST), lost)
+    add(work, kept_place(tool, ADDED), added[0])
+    add(work, kept_place(tool, ADDED + 1), added[1])
+    add(work, kept_place(tool, ADDED + 2), added[2])
+    add(work, kept_place(tool, STORED), stored)
+    add_moment(arrays, tools, tool, turn_axis, added, begin, count, work)
+    return plus(1.0, added, force), pressure, scaled(taken, normal), damped
+
+
+@equation
+def press(nodes, movable, gap, normal, velocity, others, dt_last, dt):
+    """Return pressure [N], what damping takes off the springs [N], and both energies [J].
+
+    movable : the normal, without components in which nodes are held. velocity : against the tool
+    [m/s]. others : all other forces on the nodes [N].
+    """
+    touches = gap < 0.0
+    pressure, taken, damped = normal_force(
+        nodes.stiffness,
+        nodes.damping,
+        gap,
+        dot(velocity, normal),
+        dot(movable, normal) * nodes.inverse_mass,
+        dot(movable, others) * nodes.inverse_mass - movable[2] * nodes.weight,
+        dt_last,
+        dt,
+    )
+    return (
+        choose(touches, pressure, 0.0),
+        choose(touches, taken, 0.0),
+        choose(touches, damped, 0.0),
+        choose(touches, 0.5 * nodes.stiffness * gap * gap, 0.0),
+    )
+
+
+@equation
+def rub(nodes, limit, before, gap, normal, velocity, dt_last):
+    """Return the friction force [N], the elastic slip [m], and energies stored and lost [J].
+
+    The spring of a node that lifts off is lost, and its energy with it.
+    """
+    touches, stiffness = gap < 0.0, nodes.tangential
+    along = plus(-dot(velocity, normal), normal, velocity)
+    stick, drag = friction(before, scaled(dt_last, along), normal, stiffness, limit)
+    stick = vector_where(touches, stick)
+    lost = friction_loss(before, stick, scaled(dt_last, velocity), stiffness)
+    return (
+        vector_where(touches, drag),
+        stick,
+        0.5 * stiffness * dot(stick, stick),
+        lost,
+    )
+
+
+@equation
+def plus_spring(factor, stiffness, tool, work, force):
+    """Add the springs of a tool that a pack of nodes touches to forces, with a factor."""
+    if work[kept_place(tool, TOUCHED)] > 0.0:
+        gap, normal = kept_distance(work, kept_place(tool, 0))
+        return plus(factor * stiffness * max(-gap, 0.0), normal, force)
+    return force
+
+
+@equation
+def velocity_against(arrays, tools, tool, turn_axis, velocity, begin, count):
+    """Return the velocity of a pack of nodes against a tool [m/s]."""
+    speed = arrays.tool_velocity[tool]
+    moving = (
+        speed * tools.direction[tool, 0],
+        speed * tools.direction[tool, 1],
+        speed * tools.direction[tool, 2],
+    )
+    against = plus(-1.0, moving, velocity)
+    if turn_axis is not None:
+        against = plus(-speed, arms_of(arrays, tools, tool, begin, count), against)
+    return against
+
+
+@equation
+def arms_of(arrays, tools, tool, begin, count):
+    """Return the velocities of a tool at a pack of nodes for a turn of 1 rad/s [m]."""
+    x, y, z = load_vector(arrays.position, begin, count)
+    return arm_at(tools, tool, x, y, z)
+
+
+@equation
+def add_moment(arrays, tools, tool, turn_axis, force, begin, count, work):
+    """Sum up the moment about the axis of a tool, where a tool turns."""
+    if turn_axis is not None:
+        arms = arms_of(arrays, tools, tool, begin, count)
+        add(work, kept_place(tool, MOMENT), dot(force, arms))
 
 
 @equation
 def vector_where(condition, a):
     """Return a vector where the condition holds, else zero."""
-    x = a[0] if condition else 0.0
-    y = a[1] if condition else 0.0
-    z = a[2] if condition else 0.0
-    return x, y, z
+    return choose(condition, a[0], 0.0), choose(condition, a[1], 0.0), choose(condition, a[2], 0.0)
 
 
-@span_part
-def add_sums(work, sums, column):
-    """Sum up the forces on the nodes for the tool, and the energies."""
-    total_x, total_y, total_z, stored, damped, lost = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(SPAN):
-        total_x += work[ADDED * SPAN + i]
-        total_y += work[(ADDED + 1) * SPAN + i]
-        total_z += work[(ADDED + 2) * SPAN + i]
-        stored += work[STORED * SPAN + i]
-        damped += work[DAMPED * SPAN + i]
-        lost += work[LOST * SPAN + i]
-    sums[column] -= total_x
-    sums[column + 1] -= total_y
-    sums[column + 2] -= total_z
-    sums[CONTACT] += stored
-    sums[CONTACT_DAMPING] += damped
-    sums[FRICTION] += lost
+@equation
+def add(work, at, numbers):
+    """Add a pack to what is summed up."""
+    store(work, at, load(work, at) + numbers)
+
+
+@equation
+def add_sums(tools, turn_axis, work, sums):
+    """Hand over what the tools do to the nodes of a chunk."""
+    for tool in range(tools.kind.size):
+        column = WORK_COLUMNS + TOOL_COLUMNS * tool
+        sums[column] -= sum_of(load(work, kept_place(tool, ADDED)))
+        sums[column + 1] -= sum_of(load(work, kept_place(tool, ADDED + 1)))
+        sums[column + 2] -= sum_of(load(work, kept_place(tool, ADDED + 2)))
+        sums[CONTACT] += sum_of(load(work, kept_place(tool, STORED)))
+        sums[CONTACT_DAMPING] += sum_of(load(work, kept_place(tool, DAMPED)))
+        sums[FRICTION] += sum_of(load(work, kept_place(tool, LOST)))
+        if turn_axis is not None:
+            moments = WORK_COLUMNS + TOOL_COLUMNS * tools.kind.size
+            sums[moments + tool] -= sum_of(load(work, kept_place(tool, MOMENT)))

@@ -6,8 +6,9 @@ import numpy as np
 from numba import prange
 
 from lcmchain.jit import kernel, span_routine, uncounted_routine
-from lcmchain.tools.span_distance import DISTANCE_ROWS, GAP, span_distances
-from lcmchain.tools.span_rows import SPAN, SPANS_OF_CHUNK
+from lcmchain.packs import PACK, store
+from lcmchain.tools.pack_distance import DISTANCE_PACKS, load_vector, pack_distance
+from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 
 @kernel
@@ -16,33 +17,40 @@ def find_near_nodes(arrays, tools, reach):
     for place in prange(arrays.chunk_order.size):
         chunk = arrays.chunk_order[place]
         first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
-        work = np.empty(DISTANCE_ROWS * SPAN)
+        work = np.empty(DISTANCE_PACKS * PACK)
         for tool in range(tools.kind.size):
             mark_near_nodes(arrays, tools, tool, reach[tool], first, last, work)
 
 
 @span_routine
 def mark_near_nodes(arrays, tools, tool, reach, first, last, work):
-    position, near = arrays.position, arrays.near[tool]
-    travel = arrays.tool_travel[tool]
-    for begin in range(first, last, SPAN):
-        end = min(begin + SPAN, last)
-        span_distances(tools, tool, position, begin, end - begin, travel, work)
-        for i in range(end - begin):
-            near[begin + i] = 1 if work[GAP * SPAN + i] < reach else 0
+    near, travel = arrays.near[tool], arrays.tool_travel[tool]
+    for begin in range(first, last, PACK):
+        count = min(PACK, last - begin)
+        position = load_vector(arrays.position, begin, count)
+        gap, _ = pack_distance(tools, tool, position, travel, work, 0)
+        store(work, 0, gap)
+        for i in range(count):
+            near[begin + i] = 1 if work[i] < reach else 0
 
 
 @uncounted_routine
-def find_near_spans(near, chunk_start, near_span):
-    """Mark the spans of nodes of which one is near, ``near_span`` (tool_count, span_count).
+def find_near_packs(near, chunk_start, near_pack, tools_near):
+    """Mark the packs of nodes of which one is near to a tool, and count these tools.
 
-    Every chunk of nodes has as many spans, of which the last ones may be empty.
+    Parameters
+    ----------
+    near : (tool_count, node_count), of the last search. near_pack : (pack_count, tool_count).
+    tools_near : (pack_count,). Every chunk of nodes has as many packs, of which the last ones may
+        be empty.
     """
-    for tool in range(near_span.shape[0]):
-        for span in range(near_span.shape[1]):
-            chunk = span // SPANS_OF_CHUNK
-            first = chunk_start[chunk] + span % SPANS_OF_CHUNK * SPAN
+    tools_near[:] = 0
+    for number in range(tools_near.size):
+        chunk = number // PACKS_OF_CHUNK
+        first = chunk_start[chunk] + number % PACKS_OF_CHUNK * PACK
+        for tool in range(near.shape[0]):
             found = 0
-            for node in range(first, min(first + SPAN, chunk_start[chunk + 1])):
+            for node in range(first, min(first + PACK, chunk_start[chunk + 1])):
                 found |= near[tool, node]
-            near_span[tool, span] = found
+            near_pack[number, tool] = found
+            tools_near[number] += found

@@ -16,7 +16,6 @@ from numba import literal_unroll, prange
 
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.fibre_bending import (
-    NEAR_ROWS,
     FibreBendingData,
     add_vectors,
     at_places,
@@ -33,14 +32,13 @@ from lcmchain.effects.interaction import (
     on_nodes,
     scratch_size,
 )
-from lcmchain.elements.blocks import LANES, NEXT_ROW, SECOND_ROW
 from lcmchain.elements.family import internal_forces
+from lcmchain.elements.force_slots import SlotRuns, gather_internal_forces, runs_of_slots
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
 from lcmchain.elements.solid_shell.together import kinds_of, put_together
 from lcmchain.jit import (
     equation,
     kernel_part,
-    ordered_span_routine,
     span_routine,
     uncounted_entry,
     uncounted_routine,
@@ -104,6 +102,7 @@ def advance(arrays, bodies, fibre_bending, interactions, environment, averaging,
                 body.placed,
                 body.schedule,
                 body.unscheduled,
+                body.slot_runs,
                 fibre_bending,
                 interactions,
                 environment,
@@ -124,12 +123,13 @@ class OrderedBody(NamedTuple):
     """A body, or several of one kind, and the order of a step for it.
 
     schedule : None for a body whose loops run through all of it one after the other; then
-        ``unscheduled`` is True, else None.
+        ``unscheduled`` is True, else None. slot_runs : of all nodes, for the places of the orders.
     """
 
     placed: PlacedBody
     schedule: Schedule | None
     unscheduled: bool | None
+    slot_runs: SlotRuns
 
 
 def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendingData | None]:
@@ -165,11 +165,10 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
             force_slot, bending_place = schedule.force_slot, schedule.bending_place
         found.append((first, schedule))
         places.append(group[0].first_bending + bending_place)
+    # a node finds its forces where the orders of all bodies have them
+    runs = runs_of_slots(force_slot, model.nodes.chunk_start, model.empty_slot)
     bodies = [
-        OrderedBody(placed, None, True)
-        if schedule is None
-        # a node finds its forces where the orders of all bodies have them
-        else OrderedBody(placed, schedule._replace(force_slot=force_slot), None)
+        OrderedBody(placed, schedule, True if schedule is None else None, runs)
         for placed, schedule in found
     ]
     if bending is not None:
@@ -183,6 +182,7 @@ def move_body(
     placed,
     schedule,
     unscheduled,
+    slot_runs,
     fibre_bending,
     interactions,
     environment,
@@ -201,6 +201,7 @@ def move_body(
             make_parts(
                 arrays,
                 schedule,
+                slot_runs,
                 phase,
                 corner_force,
                 history,
@@ -239,6 +240,7 @@ def move_body(
             arrays,
             placed.first_chunk,
             placed.last_chunk,
+            slot_runs,
             first,
             second,
             third,
@@ -253,26 +255,24 @@ def move_body(
 
 @kernel_part
 def move_nodes(
-    arrays, first_chunk, last_chunk, first, second, third, fourth, fifth, environment, averaging,
-    dt_last, dt,
+    arrays, first_chunk, last_chunk, slot_runs, first, second, third, fourth, fifth, environment,
+    averaging, dt_last, dt,
 ):  # fmt: skip
     """Sum the forces on the nodes of a body, and update velocities and positions."""
     for k in prange(last_chunk - first_chunk):
         acting = (first, second, third, fourth, fifth)
         work = np.empty(scratch_of(acting))
         chunk = arrays.chunk_order[first_chunk + k]
-        move_chunk(
-            arrays, arrays.force_slot, acting, environment, averaging, chunk, dt_last, dt, work
-        )
+        move_chunk(arrays, slot_runs, acting, environment, averaging, chunk, dt_last, dt, work)
 
 
 @uncounted_routine
-def move_chunk(arrays, force_slot, acting, environment, averaging, chunk, dt_last, dt, work):
+def move_chunk(arrays, slot_runs, acting, environment, averaging, chunk, dt_last, dt, work):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
     first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
     sums = arrays.chunk_sums[chunk]
     sums[:] = 0.0
-    gather_internal_forces(arrays, force_slot, first, last)
+    gather_internal_forces(arrays, slot_runs, chunk, first, last)
     # written out: in a loop over them they take a fortieth more of a step, and longer to compile
     add_to_nodes(acting[0], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
     add_to_nodes(acting[1], arrays, environment, chunk, first, last, dt_last, dt, work, sums)
@@ -297,6 +297,7 @@ def scratch_of(acting):
 def make_parts(
     arrays,
     schedule,
+    slot_runs,
     phase,
     corner_force,
     history,
@@ -329,7 +330,7 @@ def make_parts(
     for k in prange(schedule.phase_start[phase + 1] - first_part):
         part = first_part + k
         acting = (first, second, third, fourth, fifth)
-        work, near = np.empty(scratch_of(acting)), np.empty(NEAR_ROWS * LANES)
+        work = np.empty(scratch_of(acting))
         for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
             for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
                 block = schedule.block[piece]
@@ -350,11 +351,11 @@ def make_parts(
                     Step(dt_last, arrays.clock[TIME]),
                 )
             if fibre_bending is not None:
-                bend_fibres(arrays, schedule, fibre_bending, tile, near)
+                bend_fibres(arrays, schedule, fibre_bending, tile)
             for piece in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
                 move_chunk(
                     arrays,
-                    schedule.force_slot,
+                    slot_runs,
                     acting,
                     environment,
                     averaging,
@@ -366,38 +367,15 @@ def make_parts(
 
 
 @uncounted_routine
-def bend_fibres(arrays, schedule, data, tile, near):
+def bend_fibres(arrays, schedule, data, tile):
     """Make what the fibres' bending has to do behind a tile of elements."""
     middle, vector, force = arrays.bending_middle, arrays.bending_vector, arrays.corner_force
     for k in range(schedule.middle_start[tile], schedule.middle_start[tile + 1]):
-        find_middle(data, arrays.position, middle, schedule.middle[k], near)
+        find_middle(data, arrays.position, middle, schedule.middle[k])
     for k in range(schedule.vector_start[tile], schedule.vector_start[tile + 1]):
-        find_vectors(data, middle, vector, schedule.vector[k], near)
+        find_vectors(data, middle, vector, schedule.vector[k])
     for k in range(schedule.sum_start[tile], schedule.sum_start[tile + 1]):
-        add_vectors(data, vector, force, schedule.sum[k], near)
-
-
-@ordered_span_routine
-def gather_internal_forces(arrays, force_slot, first, last):
-    """Set the force on each node to minus the sum of its corner forces.
-
-    Summed in their order: a sheet moves as it does without the slots that others need.
-    """
-    force, corner_force = arrays.force, arrays.corner_force
-    force_slot = force_slot[:, first:last]
-    force_x, force_y, force_z = force[0, first:last], force[1, first:last], force[2, first:last]
-    for i in range(last - first):
-        x = 0.0
-        y = 0.0
-        z = 0.0
-        for k in range(force_slot.shape[0]):
-            slot = np.uint64(force_slot[k, i])
-            x -= corner_force[slot]
-            y -= corner_force[slot + NEXT_ROW]
-            z -= corner_force[slot + SECOND_ROW]
-        force_x[i] = x
-        force_y[i] = y
-        force_z[i] = z
+        add_vectors(data, vector, force, schedule.sum[k])
 
 
 @span_routine

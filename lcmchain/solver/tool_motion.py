@@ -11,7 +11,7 @@ from lcmchain.dispatch import implements
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
 from lcmchain.jit import equation, uncounted_routine
-from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.solver.contact_search import find_near_packs
 from lcmchain.state import (
     EXTERNAL,
     KINETIC,
@@ -33,8 +33,9 @@ from lcmchain.tools.table import ToolTable
 
 @implements(begin_steps, ToolTable)
 @equation
-def mark_near_spans(tools, arrays):
-    find_near_spans(arrays.near, arrays.chunk_start, arrays.near_span)
+def begin_contact(tools, arrays):
+    find_near_packs(arrays.near, arrays.chunk_start, arrays.near_pack, arrays.tools_near)
+    arrays.contact_force[:] = 0.0  # of nodes near no tool it stays so
 
 
 @implements(after_nodes, ToolTable)

@@ -13,7 +13,7 @@ from lcmchain.bench.stacks import StackSpeed
 from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.solver.contact_search import find_near_packs
 from lcmchain.solver.simulation import Simulation
 
 COUNTED = operations.Operations(
@@ -70,24 +70,24 @@ def test_operations_of_a_step_are_counted_once_per_element_or_node():
     assert 200 < counted.bending < 400 and 100 < counted.force < 200
 
 
-def test_operations_of_contact_are_those_of_the_spans_near_a_tool():
+def test_operations_of_contact_are_those_of_the_packs_near_a_tool():
     simulation = cup()
     simulation.prepare_steps()
     arrays = simulation.arrays
-    find_near_spans(arrays.near, arrays.chunk_start, arrays.near_span)
-    near, spans = int(arrays.near_span.sum()), -(-arrays.mass.size // 16)
-    assert 0 < near < 3 * spans
+    find_near_packs(arrays.near, arrays.chunk_start, arrays.near_pack, arrays.tools_near)
+    near, packs = int(arrays.near_pack.sum()), -(-arrays.mass.size // 8)
+    assert 0 < near < 3 * packs
 
     def made(**counts):
         none = dict.fromkeys(operations.Operations._fields, 0)
         return operations.contact_operations(simulation, operations.Operations(**(none | counts)))
 
-    assert made(frame=2) == 2 * 16 * near
-    assert made(frame=2, gap=3) == 5 * 16 * near
+    assert made(frame=2) == 2 * 8 * near
+    assert made(frame=2, gap=3) == 5 * 8 * near
     # the sheet lies on the die and under the holder, beside their hole and away from it
     assert 0 < made(profile=1) < made(frame=1)
-    arrays.near_span[:, :spans] = 1
-    assert made(frame=1) == 16 * 3 * spans
+    arrays.near_pack[:packs] = 1
+    assert made(frame=1) == 8 * 3 * packs
     assert 0 < made(force=1) < made(frame=1)
     # punch, die and holder are of a line and an arc, or of two lines and an arc
     assert made(arc=1) == made(profile=1) <= made(line=1) < 2 * made(profile=1)

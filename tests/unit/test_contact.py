@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lcmchain.packs import PACK
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_search import find_near_spans
+from lcmchain.solver.contact_search import find_near_packs
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import EXTERNAL
-from lcmchain.tools.span_rows import SPANS_OF_CHUNK
+from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 GRAVITY = 9.81
 MU = 0.157
@@ -250,21 +251,49 @@ def test_contact_holds_a_sheet_without_adhesion():
     assert sim.state.position[2].min() > 0.0
 
 
-def test_a_group_of_nodes_is_looked_at_where_any_of_them_is_near():
-    """Groups of 16, the last one of the two nodes that remain of 34."""
-    for node, groups in ((0, [1, 0, 0]), (15, [1, 0, 0]), (16, [0, 1, 0]), (33, [0, 0, 1])):
-        near = np.zeros((2, 34), dtype=np.uint8)
+def near_packs(near, chunk_start):
+    """Return which packs are near to which tools, and the counts of these."""
+    count = (len(chunk_start) - 1) * PACKS_OF_CHUNK
+    marked, tools = np.full((count, len(near)), 7, dtype=np.uint8), np.full(count, 7)
+    find_near_packs(near, np.array(chunk_start, dtype=np.int32), marked, tools)
+    return marked, tools
+
+
+def test_a_pack_of_nodes_is_looked_at_where_any_of_them_is_near():
+    """Packs of 8, the last one of the two nodes that remain of 18."""
+    for node, pack in ((0, 0), (7, 0), (8, 1), (17, 2)):
+        near = np.zeros((2, 18), dtype=np.uint8)
         near[1, node] = 1
-        marked = np.full((2, SPANS_OF_CHUNK), 7, dtype=np.uint8)
-        find_near_spans(near, np.array([0, 34], dtype=np.int32), marked)
-        rest = [0] * (SPANS_OF_CHUNK - 3)
-        np.testing.assert_array_equal(marked, [[0, 0, 0, *rest], [*groups, *rest]])
+        marked, tools = near_packs(near, [0, 18])
+        assert np.argwhere(marked).tolist() == [[pack, 1]]
+        assert np.flatnonzero(tools).tolist() == [pack] and tools[pack] == 1
 
 
-def test_groups_of_nodes_begin_anew_with_each_chunk():
+def test_packs_of_nodes_begin_anew_with_each_chunk():
     """The second chunk, of another body, begins with node 20."""
     near = np.zeros((1, 30), dtype=np.uint8)
     near[0, [19, 20]] = 1
-    marked = np.zeros((1, 2 * SPANS_OF_CHUNK), dtype=np.uint8)
-    find_near_spans(near, np.array([0, 20, 30], dtype=np.int32), marked)
-    assert np.flatnonzero(marked[0]).tolist() == [1, SPANS_OF_CHUNK]
+    marked, _ = near_packs(near, [0, 20, 30])
+    assert np.flatnonzero(marked[:, 0]).tolist() == [2, PACKS_OF_CHUNK]
+
+
+def test_tools_near_a_pack_are_counted():
+    near = np.zeros((3, 10), dtype=np.uint8)
+    near[0, 1] = near[2, 2] = near[1, 9] = 1
+    _, tools = near_packs(near, [0, 10])
+    assert tools[:2].tolist() == [2, 1]
+
+
+def test_nodes_that_there_are_none_of_touch_no_tool():
+    """Of 50 nodes the last pack has two, and six that lie nowhere: not in a ball about 0 either."""
+    ball = """
+[[tools]]
+name = "ball"
+shape = { type = "sphere_capped_punch", radius = "20 mm" }
+position = "0 0 -10 mm"
+"""
+    sim = simulation(ball, gravity=False, height=-50.0)
+    assert sim.model.node_count % PACK != 0
+    sim.state.near[:] = 1
+    sim.make_steps(5, sim.prepare_steps())
+    assert sim.state.penetration_max[0] == 0.0

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from shapely import Point, Polygon
 
 from lcmchain.errors import InputError
+from lcmchain.jit import entry
+from lcmchain.packs import PACK
 from lcmchain.scene import Tool
 from lcmchain.tools import (
     FIXED,
@@ -28,9 +30,13 @@ from lcmchain.tools import (
 )
 from lcmchain.tools.level_part import NONE
 from lcmchain.tools.motion import Motion
+from lcmchain.tools.pack_distance import (
+    DISTANCE_PACKS,
+    keep_distance,
+    load_vector,
+    pack_distance,
+)
 from lcmchain.tools.shapes import Shape
-from lcmchain.tools.span_distance import DISTANCE_ROWS, span_distances
-from lcmchain.tools.span_rows import SPAN
 from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
 from lcmchain.tools.surfaces.reading import read_surface
 
@@ -365,26 +371,33 @@ def test_distance_moves_and_turns_with_the_tool(name, axis, position, travel):
     np.testing.assert_allclose(gaps(table, 0, points, travel), distance, atol=1e-16)
 
 
-def distances_of_spans(table, points):
-    """As distances_and_normals, from the loops over nodes that the solver runs."""
-    rows, position = [], np.ascontiguousarray(points.T)
-    for start in range(0, len(points), SPAN):
-        count = min(SPAN, len(points) - start)
-        work = np.full(DISTANCE_ROWS * SPAN, np.nan)
-        span_distances(table, 0, position, start, count, 0.0, work)
-        rows.append(work.reshape(DISTANCE_ROWS, SPAN)[:4, :count])
-    gap, *normal = np.concatenate(rows, axis=1)
-    return gap, np.transpose(normal)
+@entry
+def find_distances(table, position, out):
+    """Write gaps and normals (4, n) at places (3, n), pack by pack."""
+    work = np.empty(DISTANCE_PACKS * PACK)
+    for first in range(0, out.shape[1], PACK):
+        count = min(PACK, out.shape[1] - first)
+        gap, normal = pack_distance(table, 0, load_vector(position, first, count), 0.0, work, 0)
+        keep_distance(gap, normal, work, 0)
+        for row in range(DISTANCE_PACKS):
+            out[row, first : first + count] = work[row * PACK : row * PACK + count]
+
+
+def distances_of_packs(table, points):
+    """As distances_and_normals, from the packs of nodes that the solver takes."""
+    out = np.full((DISTANCE_PACKS, len(points)), np.nan)
+    find_distances(table, np.ascontiguousarray(points.T), out)
+    return out[0], out[1:].T
 
 
 @pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.3, -0.5, 0.8)])
 @pytest.mark.parametrize("name", ANALYTIC)
-def test_loops_over_nodes_find_the_same_distance(name, axis):
+def test_packs_of_nodes_find_the_same_distance(name, axis):
     """One point at a time and many at once: two ways to write the same."""
     table = table_of(ANALYTIC[name], axis=axis, position=(0.01, -0.02, 0.005))
     points = np.vstack([random_points(300), [[0.01, -0.02, 0.005 + 0.01]]])
     gap, normal = distances_and_normals(table, points)
-    packed_gap, packed_normal = distances_of_spans(table, points)
+    packed_gap, packed_normal = distances_of_packs(table, points)
     np.testing.assert_allclose(packed_gap, gap, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(packed_normal, normal, rtol=0.0, atol=1e-12)
 
@@ -397,9 +410,9 @@ def test_level_parts_change_no_bit(name):
     for centre in random.uniform(-0.12, 0.12, (400, 3)):
         centre *= random.choice([0.1, 0.5, 1.0])
         centre[2] *= random.choice([0.1, 0.5, 1.0])
-        points = centre + random.uniform(-0.006, 0.006, (SPAN, 3)) * [1.0, 1.0, 0.2]
+        points = centre + random.uniform(-0.006, 0.006, (PACK, 3)) * [1.0, 1.0, 0.2]
         for found, known in zip(
-            distances_of_spans(table, points), distances_of_spans(without, points)
+            distances_of_packs(table, points), distances_of_packs(without, points)
         ):
             np.testing.assert_array_equal(found, known)
 
@@ -778,7 +791,7 @@ def test_loops_over_nodes_read_the_same_field(tmp_path):
     table = mesh_table(tmp_path, *box_mesh(), 0.002, axis=(0.3, -0.5, 0.8))
     points = random_points(300, reach=0.06)
     gap, normal = distances_and_normals(table, points)
-    packed_gap, packed_normal = distances_of_spans(table, points)
+    packed_gap, packed_normal = distances_of_packs(table, points)
     np.testing.assert_allclose(packed_gap, gap, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(packed_normal, normal, rtol=0.0, atol=1e-12)
 
