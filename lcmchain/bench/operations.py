@@ -165,6 +165,7 @@ def _count_here() -> Operations:
     data, tools = model.only_body().data, model.tools
     assert model.fibre_bending is not None
     fibres = model.fibre_bending.data
+    assert fibres is not None
     piece, corner = tools.segments[0], np.zeros(CORNER_COLUMNS)
     vector, best = types.UniTuple(pack, 3), types.UniTuple(pack, 5)
     nodes = types.NamedTuple((vector, pack, types.float64, pack, pack, pack), PackOfNodes)

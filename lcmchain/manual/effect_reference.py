@@ -31,7 +31,7 @@ gravity = "on"
 An effect of the elements or of pressures that a scene does not have costs nothing: its argument is
 `None`, or its law a class without it, and the compiler removes the code; its arrays have no entries
 (`pytest tests/effects/test_switches.py tests/effects/test_effect_cost.py`). Weight and damping are
-made with zeros where they are off, and friction is a test for each span of nodes in contact.
+made with zeros where they are off, and friction is a test for each pack of nodes in contact.
 `python examples/without_code/compare.py` times a free plate against sources from which the code of
 all that it does not have is deleted ([Speed](speed.md#effects)).
 

@@ -169,7 +169,8 @@ def hold_depths(offset, area, environment, share, begin, count, gap, sums):
     See :mod:`lcmchain.effects.contact_depth`. The energy of the springs is made from these gaps,
     ½ k (depth + h)²; here ½ k h² is taken off it.
     """
-    depth, held = -gap, load_first(offset, begin, count)
+    depth = -gap
+    held = load_first(offset, begin, count)
     stiffness = environment.penalty * load_first(area, begin, count)
     touches = depth + held > 0.0
     change = offset_change(depth, held, share, environment.depth_stiffening)
