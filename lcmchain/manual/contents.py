@@ -65,7 +65,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "speed",
         "limits",
     ),
-    "Reference": ("scene-reference", "effects", "presets", "fields", "commands"),
+    "Reference": ("glossary", "scene-reference", "effects", "presets", "fields", "commands"),
     "Development": ("extending",),
 }
 
