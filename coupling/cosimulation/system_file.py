@@ -165,6 +165,11 @@ class SchemeEntry(SceneModel):
     most_iterations: Annotated[int, Number(50, Range(1, 100_000), whole=True)] = Field(
         default=50, description="A window that needs more has failed."
     )
+    jumps: Literal["once", "iterated"] = Field(
+        default="once",
+        description="What changes in jumps and leads back is handed over once in a window, or the "
+        "window is repeated until nothing of it changes.",
+    )
     windows_reused: Annotated[int, Number(20, Range(0, 1000), whole=True)] = Field(
         default=20, description="IQN-ILS: windows whose differences are used again."
     )
@@ -308,6 +313,8 @@ class System(SceneModel):
         for connection in told["connections"]:  # as before there was this entry
             if not connection["continuous"]:
                 del connection["continuous"]
+        if told["scheme"]["jumps"] == "once":  # likewise
+            del told["scheme"]["jumps"]
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
