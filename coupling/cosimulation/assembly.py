@@ -23,6 +23,7 @@ from lcmchain.coupling.cosimulation.scheme import (
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.system_file import System, UnitEntry
+from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.iteration import CoupledSystem
 from lcmchain.errors import InputError, SimulationError
 
@@ -99,7 +100,9 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
             parts[entry.name] = part
             settings.append(start_values(entry.name, part.description, entry.start))
         _require_able(system, parts, remarks)
-        links = [resolve(entry, parts, remarks) for entry in system.connections]
+        descriptions = {name: part.description for name, part in parts.items()}
+        connections = with_variables(system, descriptions).connections
+        links = [resolve(entry, parts, remarks) for entry in connections]
         _require_single(links)
         for part, values in zip(parts.values(), settings):
             _set_up(part, values, system)
