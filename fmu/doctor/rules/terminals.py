@@ -60,7 +60,9 @@ def _members(interface: Interface, element: Element, name: str, matching: str) -
     flows = sum(member.get("variableKind") in FLOWS for member in members)
     if streams and flows > 1:
         yield f"{name} has {flows} flows beside stream members"
-    used = [(member.get("variableName", ""), EXCHANGED) for member in members]
+    used: list[tuple[str, tuple[str, ...]]] = [
+        (member.get("variableName", ""), EXCHANGED) for member in members
+    ]
     for stream in streams:
         used.append((stream.get("inStreamVariableName", ""), ("input", "parameter")))
         used.append((stream.get("outStreamVariableName", ""), ("output", "calculatedParameter")))
