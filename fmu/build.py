@@ -19,6 +19,7 @@ import numpy as np
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
+from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu import description, description2, description3
 from lcmchain.fmu.documentation import documentation
@@ -26,6 +27,7 @@ from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
+from lcmchain.fmu.terminals import document, terminals_of
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.found_time import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
@@ -134,6 +136,9 @@ def write_unit(
         **_binaries(fmi, definition),
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
+    ports = terminals_of(definition.variables) if fmi == 3 else []
+    if ports:
+        contents[TERMINALS_FILE] = description.as_bytes(document(ports))
     for path in sorted(resources.rglob("*")):
         if path.is_file():
             contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()

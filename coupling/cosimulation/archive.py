@@ -7,6 +7,7 @@ is written is counted, and XML that declares entities is not parsed at all.
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import stat
 import zipfile
@@ -125,7 +126,21 @@ def read_xml(content: bytes, file: Path | str, limits: Limits = LIMITS) -> Eleme
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"is not well-formed XML: {error}", file=file) from None
+        raise InputError(
+            f"is not well-formed XML: {error}{_undeclared(content, str(error))}", file=file
+        ) from None
+
+
+def _undeclared(content: bytes, error: str) -> str:
+    """Return which prefixes a document uses without their namespaces, where that is its fault."""
+    if "unbound prefix" not in error:
+        return ""
+    used = dict.fromkeys(re.findall(rb"<([A-Za-z][\w.-]*):", content))
+    declared = set(re.findall(rb"xmlns:([\w.-]+)\s*=", content))
+    missing = [name.decode() for name in used if name not in declared]
+    if not missing:
+        return ""
+    return f'; declare the namespace of the prefix "{missing[0]}" (xmlns:{missing[0]}="...")'
 
 
 def sha256_of(path: Path | str) -> str:

@@ -23,6 +23,7 @@ from lcmchain.coupling.cosimulation.scheme import (
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.system_file import System, UnitEntry
+from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.iteration import CoupledSystem
 from lcmchain.errors import InputError, SimulationError
 
@@ -99,18 +100,18 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
             parts[entry.name] = part
             settings.append(start_values(entry.name, part.description, entry.start))
         _require_able(system, parts, remarks)
-        links = [resolve(entry, parts, remarks) for entry in system.connections]
+        descriptions = {name: part.description for name, part in parts.items()}
+        connections = with_variables(system, descriptions).connections
+        links = [resolve(entry, parts, remarks) for entry in connections]
         _require_single(links)
         for part, values in zip(parts.values(), settings):
             _set_up(part, values, system)
         loops = initialise(list(parts.values()), links)
         signals = [link for link in links if link.is_signal]
-        if not system.scheme.explicit:
+        if not system.scheme.explicit and system.scheme.jumps == "once":
             _tell_loops_of_jumps(links, list(parts), system, remarks)
         scheme = scheme_of(system.scheme)
-        lines = Lines(
-            [link for link in links if not link.is_signal], serial=scheme.order == "serial"
-        )
+        lines = _lines_of(links, list(parts), system)
         lines.attach()
         lines.refresh()
         coupled = CoupledSystem(
@@ -121,6 +122,7 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
             substeps={entry.name: entry.substeps for entry in system.units},
             prediction=extrapolation_of(system.scheme),
             on_failure=system.scheme.on_failure,
+            jumps=lines if system.scheme.jumps == "iterated" else None,
         )
     except BaseException:
         free(parts)
@@ -129,6 +131,30 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
         if text:
             log(text)
     return Assembly(system, parts, coupled, lines, links, loops, remarks, requests)
+
+
+def _lines_of(links: list[Link], order: list[str], system: System) -> Lines:
+    """Return what changes in jumps.
+
+    Raises
+    ------
+    InputError : it is to be iterated, and none of it leads back.
+    """
+    scheme = system.scheme
+    lines = Lines(
+        [link for link in links if not link.is_signal],
+        order=order if scheme_of(scheme).order == "serial" else None,
+        iterated=scheme.jumps == "iterated",
+        relative=scheme.relative,
+        most_iterations=scheme.most_iterations,
+    )
+    if scheme.jumps == "iterated" and not lines.backward:
+        raise InputError(
+            "no connection of whole numbers, switches, texts or discrete reals leads back to a "
+            "unit that has gone before, so there is nothing to iterate; leave jumps out",
+            key="scheme.jumps",
+        )
+    return lines
 
 
 def _loaded(
@@ -226,7 +252,8 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
     InputError : names the unit and what to take instead.
     """
     window, scheme = system.window, system.scheme
-    goes_back = not scheme.explicit or (window.smallest or window.size) < window.size
+    halves = (window.smallest or window.size) < window.size
+    goes_back = not scheme.explicit or halves or scheme.jumps == "iterated"
     seen: dict[str, str] = {}
     for name, part in parts.items():
         able: UnitDescription = part.description
@@ -234,8 +261,13 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
             raise InputError(
                 f'unit "{name}" cannot go back to an earlier state (canGetAndSetFMUstate is '
                 f"false), which {_wanted(system)} needs; take scheme.type = "
-                '"jacobi" or "gauss-seidel" with windows of one size, or a unit that can',
-                key="scheme.type" if not scheme.explicit else "window.smallest",
+                '"jacobi" or "gauss-seidel" with windows of one size and without scheme.jumps, or '
+                "a unit that can",
+                key="scheme.type"
+                if not scheme.explicit
+                else "window.smallest"
+                if halves
+                else "scheme.jumps",
             )
         if window.varies and not able.variable_steps:
             raise InputError(
@@ -294,7 +326,8 @@ def _tell_loops_of_jumps(
         return
     raise InputError(
         f'the loop that the scheme "{system.scheme.type}" could iterate {what}{names}. Or take '
-        '"jacobi" or "gauss-seidel"',
+        '"jacobi" or "gauss-seidel", with scheme.jumps = "iterated" where windows are to be '
+        "repeated until nothing of it changes",
         key="scheme.type",
     )
 
@@ -302,7 +335,9 @@ def _tell_loops_of_jumps(
 def _wanted(system: System) -> str:
     if not system.scheme.explicit:
         return f'the scheme "{system.scheme.type}"'
-    return "a window that can be halved (window.smallest)"
+    if (system.window.smallest or system.window.size) < system.window.size:
+        return "a window that can be halved (window.smallest)"
+    return 'scheme.jumps = "iterated"'
 
 
 def _require_single(links: list[Link]) -> None:

@@ -164,22 +164,62 @@ class Lines:
 
     In a serial order a unit gets what those before it have just found, and from those after it what
     they had at the begin of the window. In a parallel order all get what was there at its begin.
+
+    Iterated, what was there at the begin is a first guess: :meth:`begin` and :meth:`follow` make
+    this the ``jumps`` of a coupled system, which repeats the window until all get what they find.
+
+    Parameters
+    ----------
+    order : names of the units in which a serial scheme advances them; None if all go at once.
+    relative : change of real numbers that counts for none, as a part of their size.
     """
 
-    def __init__(self, links: Sequence[Link], *, serial: bool) -> None:
-        self._links, self._serial = list(links), serial
+    def __init__(
+        self,
+        links: Sequence[Link],
+        *,
+        order: Sequence[str] | None,
+        iterated: bool = False,
+        relative: float = 0.0,
+        most_iterations: int = 1,
+    ) -> None:
+        self._links, self._serial = list(links), order is not None
+        self.most_iterations, self._relative = most_iterations, relative
+        place = {name: number for number, name in enumerate(order or ())}
+        self.backward = [
+            link
+            for link in self._links
+            if order is None or place[link.source.name] >= place[link.target.name]
+        ]
+        self._kept = self.backward if iterated or not self._serial else []
         self._frozen: dict[Link, NDArray[Any]] = {}
+        self._given: dict[Link, NDArray[Any]] = {}
 
     def refresh(self) -> None:
         """Note what the sources have now: a window begins."""
-        if not self._serial:
-            self._frozen = {link: link.fetch() for link in self._links}
+        self._frozen = {link: link.fetch() for link in self._kept}
+        self._given = dict(self._frozen)
+
+    def begin(self) -> None:
+        """Give what there was at the begin of the window."""
+        self._given = dict(self._frozen)
+
+    def follow(self) -> list[str]:
+        """Give what the sources have found from now on; return in words what that changes."""
+        changes = []
+        for link, before in self._given.items():
+            now = link.fetch()
+            if not _agree(before, now, self._relative):
+                changes.append(_change(link, before, now))
+            self._given[link] = now
+        return changes
 
     def bring(self, target: FmuPart) -> None:
         """Set the inputs of a unit that is about to step."""
         for link in self._links:
             if link.target is target:
-                link.deliver(link.fetch() if self._serial else self._frozen[link])
+                kept = self._given.get(link)
+                link.deliver(link.fetch() if kept is None else kept)
 
     def attach(self) -> None:
         """Have every unit call :meth:`bring` before its steps."""
@@ -188,3 +228,25 @@ class Lines:
 
     def _bringer(self, part: FmuPart) -> Any:
         return lambda: self.bring(part)
+
+
+def _agree(before: NDArray[Any], now: NDArray[Any], relative: float) -> bool:
+    """Whether values are the same, reals up to a part of their size."""
+    if now.dtype.kind != "f":
+        return bool(np.array_equal(before, now))
+    size = float(np.abs(now).max(initial=0.0))
+    return bool(np.all(np.abs(now - before) <= relative * size))
+
+
+def _change(link: Link, before: NDArray[Any], now: NDArray[Any]) -> str:
+    """Return in words what a connection carries now instead; of a field its first new value."""
+    place = int(np.flatnonzero(before.reshape(-1) != now.reshape(-1))[0])
+    one, other = (_shown(link, values.reshape(-1)[place]) for values in (before, now))
+    where = f", value {place}," if now.size > 1 else ""
+    return f"{link.name}{where} from {one} to {other}"
+
+
+def _shown(link: Link, value: Any) -> str:
+    if link.input.kind in TRUTHS:
+        return "true" if value else "false"
+    return f'"{value}"' if link.input.is_text else str(value)

@@ -23,6 +23,7 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_name,
 )
 from lcmchain.coupling.cosimulation.structured_fields import with_fields
+from lcmchain.coupling.cosimulation.terminals import Terminal, read_terminals
 from lcmchain.coupling.cosimulation.variable import LEFT_OUT, TEXT, Variable
 from lcmchain.errors import InputError, shortened
 
@@ -37,7 +38,8 @@ class UnitDescription:
 
     ``depends`` and ``depends_initially`` name the inputs that an output follows directly; an output
     that is missing there may follow all. ``units`` are those that the description defines, by name.
-    ``ambiguous`` are names of variables that stand in it twice.
+    ``ambiguous`` are names of variables that stand in it twice. ``terminals`` are those of FMI 3.0,
+    by name.
     """
 
     model_name: str
@@ -60,6 +62,7 @@ class UnitDescription:
     log_categories: tuple[str, ...] = ()
     units: dict[str, PhysicalUnit] = field(default_factory=dict)
     ambiguous: frozenset[str] = frozenset()
+    terminals: dict[str, Terminal] = field(default_factory=dict)
 
     def find(self, name: str) -> Variable:
         """Return a variable, a field, or one value of a field of FMI 2.
@@ -151,7 +154,17 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
         log_categories=tuple(category.name for category in parsed.logCategories),
         units=_displayed(root, defined) | defined,
         ambiguous=frozenset(twice),
+        terminals=_terminals(folder, file, remarks) if major == 3 else {},
     )
+
+
+def _terminals(folder: Path, file: Path, remarks: list[str]) -> dict[str, Terminal]:
+    """Return the terminals; the unit runs without them, so that damage is a remark."""
+    try:
+        return read_terminals(folder, file)
+    except InputError as error:
+        remarks.append(f"its terminals are left out: {error.message}")
+        return {}
 
 
 def _parsed(path: Path, file: Path) -> tuple[Any, list[str]]:

@@ -23,7 +23,7 @@ from lcmchain.coupling.cosimulation.recorder import Recorder, chosen
 from lcmchain.coupling.cosimulation.stopping import noting, sigterm_as_ctrl_c
 from lcmchain.coupling.cosimulation.summary import summary_of
 from lcmchain.coupling.cosimulation.system_file import CONVERGENCE_GROUP, System
-from lcmchain.coupling.iteration import CoupledSystem, NotConverged, PartFailed
+from lcmchain.coupling.iteration import CoupledSystem, NotConverged, NotSettled, PartFailed
 from lcmchain.coupling.iteration.plot import draw_history
 from lcmchain.errors import (
     LcmchainError,
@@ -171,7 +171,7 @@ class _Job:
         with stop_requests() as self._stop, noting(self.assembly.requests):
             try:
                 coupled.advance_to(self.system.stop_time, self._after_window)
-            except (PartFailed, NotConverged) as error:
+            except (PartFailed, NotConverged, NotSettled) as error:
                 raise self._explained(error) from error
             except LeftInCall as error:
                 raise SimulationInterrupted(self._left(error)) from error
@@ -235,7 +235,7 @@ class _Job:
         parts = self.assembly.parts.items()
         return [name for name, part in parts if not part.description.can_save]
 
-    def _explained(self, error: PartFailed | NotConverged) -> SimulationError:
+    def _explained(self, error: PartFailed | NotConverged | NotSettled) -> SimulationError:
         """Return an error in the words of the system's file."""
         text = str(error)
         if isinstance(error.__cause__, EndRequested):
@@ -243,6 +243,12 @@ class _Job:
             return SimulationError(
                 f'unit "{part}": {error.__cause__}, before the stop time of '
                 f"{self.system.stop_time:g} s; give that time as stop_time if it is meant"
+            )
+        if isinstance(error, NotSettled):
+            return SimulationError(
+                f"{text}. A loop of switches may have no state of rest, or only one after more "
+                "iterations (scheme.most_iterations). Remedies: smaller windows; scheme.jumps = "
+                '"once", with which each unit answers to what there was a window before'
             )
         if isinstance(error, NotConverged):
             text = (

@@ -32,6 +32,7 @@ from lcmchain.coupling.cosimulation.ssp_names import (
 )
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.system_file import System
+from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.errors import InputError
 
@@ -61,6 +62,8 @@ def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
     """
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
         units = _units(system, Path(folder))
+        # the standard has no place for a connection of terminals
+        system = with_variables(system, {name: unit[2] for name, unit in units.items()})
         root = _document(system, units, version)
         with replacing(target) as path, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(

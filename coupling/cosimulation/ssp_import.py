@@ -34,6 +34,8 @@ from lcmchain.errors import InputError
 
 #: Type of the annotation that keeps what SSP has no place for, as JSON.
 ANNOTATION = "lcmchain.cosimulation"
+#: Time that a system goes through that does not say when it ends [s].
+LENGTH = 1.0
 #: Windows of a system that does not say how long they are.
 WINDOWS = 500
 #: Attributes by which annotations of other tools give the communication step [s].
@@ -87,6 +89,8 @@ def _system(
         raise InputError(f"{place}{error.message}", file=path) from None
     if not any(re.match(r"\s*window(\.size)?\s*=", text) for text in overrides):
         found.remarks.append(found.window_remark)
+    if not any(re.match(r"\s*stop_time\s*=", text) for text in overrides):
+        found.remarks.append(found.end_remark)
     system._remarks.extend(text for text in found.remarks if text)
     system._measures.update(found.measures)
     return system
@@ -104,7 +108,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     descriptions = {place: by_source[source] for place, source in structure.sources.items()}
     kept = _annotation(root)
     data: dict[str, Any] = {"title": root.get("name") or "Co-simulation"}
-    data |= _experiment(root)
+    data |= _experiment(root, structure)
     if "window" not in kept:
         kept["window"] = _window(root, data, structure)
     _require_sizes(structure, descriptions)
@@ -200,7 +204,7 @@ def _unit_names(structure: Structure) -> dict[Place, str]:
     return names
 
 
-def _experiment(root: Element) -> dict[str, Any]:
+def _experiment(root: Element, structure: Structure) -> dict[str, Any]:
     experiment = root.find(f"{SSD}DefaultExperiment")
     found = {}
     for key, name in (("start_time", "startTime"), ("stop_time", "stopTime")):
@@ -208,7 +212,12 @@ def _experiment(root: Element) -> dict[str, Any]:
         if value is not None:
             found[key] = f"{value} s"
     if "stop_time" not in found:
-        found["stop_time"] = "1 s"
+        end = f"{_seconds(found.get('start_time', '0 s')) + LENGTH!r} s"
+        found["stop_time"] = end
+        structure.end_remark = (
+            f"the archive does not say when it ends; {end} is taken, --set stop_time=... another "
+            "time"
+        )
     return found
 
 

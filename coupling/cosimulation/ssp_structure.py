@@ -54,7 +54,8 @@ class Structure:
     ``items`` are the units and enumerations that the structure defines. ``dimensions`` are the
     sizes that array connectors state: a number, the name of a connector that holds it, or None
     where it is open. ``not_exchanged`` are connectors of binary values and clocks.
-    ``window_remark`` says what is taken as communication step where the archive leaves that open.
+    ``window_remark`` says what is taken as communication step where the archive leaves that open,
+    ``end_remark`` what as its end.
     """
 
     sources: dict[Path, str] = field(default_factory=dict)
@@ -67,6 +68,7 @@ class Structure:
     not_exchanged: dict[Node, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     window_remark: str = ""
+    end_remark: str = ""
 
     def links(self) -> Iterator[tuple[Node, Node, Transformation]]:
         """Yield what reaches the connectors of components: from a component, or from a system."""

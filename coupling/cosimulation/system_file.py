@@ -41,6 +41,7 @@ SUFFIX = ".toml"
 CONVERGENCE_GROUP = "coupling"
 
 _LINK = re.compile(r"\s*([^\s.]+)\.(.+?)\s*->\s*([^\s.]+)\.(.+?)\s*")
+_OF_TERMINALS = re.compile(r"\s*([^\s.]+)\.(.+?)\s*<->\s*([^\s.]+)\.(.+?)\s*")
 
 Relative = Annotated[float, Number(1e-6, Range(0.0, 1.0, (0.0,)))]
 Positive = Annotated[float, Number(1.0, POSITIVE)]
@@ -91,10 +92,14 @@ class UnitEntry(SceneModel):
 
 
 class ConnectionEntry(SceneModel):
-    """An output that is led to an input; the numbers are in the unit of the input."""
+    """An output that is led to an input; the numbers are in the unit of the input.
+
+    Or two terminals of FMI 3.0, which stand for connections of all variables that they share.
+    """
 
     link: Annotated[str, Text("press.force -> forming.punch.force_input")] = Field(
-        description="From where to where: unit.output -> unit.input."
+        description="From where to where: unit.output -> unit.input; of two terminals "
+        "unit.terminal <-> unit.terminal."
     )
     factor: Bound = Field(default=1.0, description="The input is factor times the output ...")
     offset: Bound = Field(default=0.0, description="... plus this, after the unit conversion.")
@@ -132,14 +137,26 @@ class ConnectionEntry(SceneModel):
     def _check(self) -> Self:
         if _LINK.fullmatch(self.link) is None:
             raise wrong(
-                f'"{self.link}" is no connection; write "unit.output -> unit.input"', field="link"
+                f'"{self.link}" is no connection; write "unit.output -> unit.input", or '
+                '"unit.terminal <-> unit.terminal"',
+                field="link",
+            )
+        if self.is_of_terminals and not (self.factor == 1.0 and self.offset == 0.0):
+            raise wrong(
+                "factor and offset are for a connection of two variables, this one is of terminals",
+                field="factor" if self.factor != 1.0 else "offset",
             )
         return self
 
     @property
+    def is_of_terminals(self) -> bool:
+        """Whether it connects two terminals, and not two variables."""
+        return _OF_TERMINALS.fullmatch(self.link) is not None
+
+    @property
     def ends(self) -> tuple[str, str, str, str]:
-        """Return source, its variable, target and its variable."""
-        match = _LINK.fullmatch(self.link)
+        """Return source, its variable, target and its variable; of terminals both in order."""
+        match = _OF_TERMINALS.fullmatch(self.link) or _LINK.fullmatch(self.link)
         assert match is not None
         source, output, target, name = match.groups()
         return source, output, target, name
@@ -164,6 +181,11 @@ class SchemeEntry(SceneModel):
     )
     most_iterations: Annotated[int, Number(50, Range(1, 100_000), whole=True)] = Field(
         default=50, description="A window that needs more has failed."
+    )
+    jumps: Literal["once", "iterated"] = Field(
+        default="once",
+        description="What changes in jumps and leads back is handed over once in a window, or the "
+        "window is repeated until nothing of it changes.",
     )
     windows_reused: Annotated[int, Number(20, Range(0, 1000), whole=True)] = Field(
         default=20, description="IQN-ILS: windows whose differences are used again."
@@ -301,6 +323,13 @@ class System(SceneModel):
         """Return the units of measurement that the archive of the system defines, by name."""
         return self._measures
 
+    def with_connections(self, connections: Sequence[ConnectionEntry]) -> System:
+        """Return the same system with other connections."""
+        other = self.model_copy(update={"connections": tuple(connections)})
+        other._directory, other._source = self._directory, self._source
+        other._remarks, other._measures = self._remarks, self._measures
+        return other
+
     def digest(self) -> str:
         """Return a hash of all that decides the numbers of a run."""
         apart = {"units": {"__all__": {"process", "step_limit"}}}
@@ -308,6 +337,8 @@ class System(SceneModel):
         for connection in told["connections"]:  # as before there was this entry
             if not connection["continuous"]:
                 del connection["continuous"]
+        if told["scheme"]["jumps"] == "once":  # likewise
+            del told["scheme"]["jumps"]
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

@@ -1,11 +1,12 @@
 """Strong coupling of parts over fields: schemes, convergence, window size and history."""
 
-from lcmchain.coupling.iteration.failure import NotConverged
+from lcmchain.coupling.iteration.failure import NotConverged, NotSettled
 from lcmchain.coupling.iteration.history import History
 from lcmchain.coupling.iteration.interface import (
     CoupledPart,
     Exchange,
     HasPlaces,
+    Jumps,
     PartFailed,
     Tolerance,
     fixed_stress_exchanges,
@@ -29,7 +30,9 @@ __all__ = [
     "Exchange",
     "HasPlaces",
     "History",
+    "Jumps",
     "NotConverged",
+    "NotSettled",
     "PartFailed",
     "Port",
     "Scheme",

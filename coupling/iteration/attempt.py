@@ -61,8 +61,12 @@ class Iteration:
         """Take the fields at the begin of the first window."""
         self._scales = np.array([rms(field) for field in fields])
 
-    def attempt(self, window: Window) -> Attempt:
+    def attempt(self, window: Window, earlier: int = 0) -> Attempt:
         """Evaluate the parts until all fields agree or the iterations are used up.
+
+        Parameters
+        ----------
+        earlier : iterations that this attempt at the window has already had.
 
         Raises
         ------
@@ -89,7 +93,7 @@ class Iteration:
             last = iteration == scheme.most_iterations or hopeless
             done = converged or acceleration is None or last
             proposal = None if done else self._propose(inputs, answers, sizes)
-            self._note(window, iteration, judgements)
+            self._note(window, earlier + iteration, judgements)
             if proposal is None:
                 break
             inputs, before = proposal, answers

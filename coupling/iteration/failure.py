@@ -27,6 +27,23 @@ class NotConverged(SimulationError):
         super().__init__(message)
 
 
+class NotSettled(SimulationError):
+    """A window in which what changes in jumps does not come to rest after the allowed iterations.
+
+    Parameters
+    ----------
+    time, size : begin and size of the window [s].
+    changing : what the last iteration has changed, in words.
+    """
+
+    def __init__(self, time: float, size: float, iterations: int, changing: list[str]) -> None:
+        self.changing = changing
+        super().__init__(
+            f"what changes in jumps does not come to rest in {iterations} iterations of the window "
+            f"of {size:g} s from {time:g} s: {'; '.join(changing)}"
+        )
+
+
 def not_converged(
     scheme: str,
     time: float,

@@ -34,6 +34,21 @@ RESISTANCE = "pore_resistance"  # [Pa s/m3] per cell
 PRESSURE_AT_REST = "pressure_at_rest"  # [Pa] per cell
 
 
+class Jumps(Protocol):
+    """What goes between parts beside the exchanges and changes in jumps: iterated until it stays.
+
+    A window is repeated with what the parts have found, until they find what they were given.
+    """
+
+    most_iterations: int
+
+    def begin(self) -> None:
+        """Give what there was at the begin of the window: it is gone through anew."""
+
+    def follow(self) -> list[str]:
+        """Give what the parts have found from now on; return in words what that changes."""
+
+
 @runtime_checkable
 class CoupledPart(Protocol):
     """A simulation that advances in time, exchanges fields and can go back to a saved state.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lcmchain.coupling.iteration.attempt import Attempt, Iteration, Window
-from lcmchain.coupling.iteration.failure import not_converged
+from lcmchain.coupling.iteration.failure import NotSettled, not_converged
 from lcmchain.coupling.iteration.history import (
     ACCEPTED,
     CONVERGED,
@@ -22,7 +23,13 @@ from lcmchain.coupling.iteration.history import (
     History,
     WindowRecord,
 )
-from lcmchain.coupling.iteration.interface import CoupledPart, Exchange, Fields, PartFailed
+from lcmchain.coupling.iteration.interface import (
+    CoupledPart,
+    Exchange,
+    Fields,
+    Jumps,
+    PartFailed,
+)
 from lcmchain.coupling.iteration.ports import Port, find_port
 from lcmchain.coupling.iteration.predictor import Predictor
 from lcmchain.coupling.iteration.schemes import Scheme
@@ -49,6 +56,7 @@ class CoupledSystem:
         without.
     on_failure : ``stop``, or ``go_on`` with a window that did not converge at its smallest size;
         the history records it.
+    jumps : what goes between parts beside the exchanges and is iterated until it stays.
     inputs, outputs : fields that the system offers as a part; ``"part.field"`` always works.
 
     Raises
@@ -66,6 +74,7 @@ class CoupledSystem:
         substeps: Mapping[str, int] | None = None,
         prediction: int = 1,
         on_failure: Literal["stop", "go_on"] = "stop",
+        jumps: Jumps | None = None,
         inputs: Mapping[str, Port] | None = None,
         outputs: Mapping[str, Port] | None = None,
     ) -> None:
@@ -97,8 +106,9 @@ class CoupledSystem:
         self._predictor = Predictor(prediction)
         self._iteration = Iteration(self._sweep, scheme, self.history)
         self._window_number = 0
+        self._jumps = jumps
         # An explicit scheme with constant windows takes parts that cannot save their state.
-        self._can_return = not scheme.explicit or control.least < control.size
+        self._can_return = not scheme.explicit or control.least < control.size or jumps is not None
         self._means: Fields = {}  # of the outputs that are means over the system's step
         times = {name: part.time for name, part in self.parts.items()}
         if len(set(times.values())) > 1:
@@ -231,7 +241,7 @@ class CoupledSystem:
                 self._predictor.at(end) if attempt == 0 else self._predictor.held(),
                 start,
             )
-            tried, error = self._try(window)
+            tried, error = self._settled(window)
             # What was extrapolated over a jump may be what failed, so hold before halving.
             shorter = self._windows.shorter(size) if self._can_return else None
             extrapolated = attempt == 0 and self._predictor.extrapolates
@@ -255,10 +265,31 @@ class CoupledSystem:
                 self._windows.shorten(shorter)
             size, attempt = shorter, attempt + 1
 
-    def _try(self, window: Window) -> tuple[Attempt | None, SimulationError | None]:
+    def _settled(self, window: Window) -> tuple[Attempt | None, SimulationError | None]:
+        """Go through a window, again and again until what changes in jumps stays; see _try."""
+        jumps, earlier, passes = self._jumps, 0, 0
+        if jumps is None:
+            return self._try(window)
+        jumps.begin()
+        while True:
+            tried, error = self._try(window, earlier)
+            if tried is None or error is not None:
+                return tried, error
+            earlier, passes = earlier + tried.iterations, passes + 1
+            changing = jumps.follow()
+            tried = replace(tried, iterations=earlier)
+            if not changing:
+                return tried, None
+            if passes >= jumps.most_iterations:
+                return tried, NotSettled(self._time, window.size, passes, changing)
+            self._iteration.undo(window)
+
+    def _try(
+        self, window: Window, earlier: int = 0
+    ) -> tuple[Attempt | None, SimulationError | None]:
         """Go through a window; return what came of it (None: a part failed) and what is wrong."""
         try:
-            tried = self._iteration.attempt(window)
+            tried = self._iteration.attempt(window, earlier)
         except SimulationError as failure:
             if isinstance(failure, PartFailed) and math.isnan(failure.time):
                 where = {"time": self._time, "step": window.size}

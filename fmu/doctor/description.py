@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.coupling.cosimulation.left_out import left_out, version_problem
+from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Finding, Level
 from lcmchain.fmu.doctor.rules import Broken, broken_rules
@@ -84,8 +86,16 @@ def read_description(folder: Path, unit: Path) -> Description:
         abilities={} if head is None else dict(head.attrib),
         variable_count=0 if variables is None else len(variables),
         left_out=tuple(left_out(root)),
-        broken=() if version_problem(version) else tuple(broken_rules(root)),
+        broken=() if version_problem(version) else _broken(root, folder, unit),
     )
+
+
+def _broken(root: Element, folder: Path, unit: Path) -> tuple[Broken, ...]:
+    path = folder / TERMINALS_FILE
+    terminals = None
+    if path.is_file() and root.get("fmiVersion", "").startswith("3"):
+        terminals = read_xml(path.read_bytes(), f"{unit}: {TERMINALS_FILE}")
+    return tuple(broken_rules(root, terminals))
 
 
 def findings_of(description: Description, *, is_python: bool) -> Iterator[Finding]:

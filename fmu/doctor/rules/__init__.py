@@ -4,7 +4,16 @@ They are those of VDMCheck (INTO-CPS Association), told from the text of the sta
 more: numbers of start values, lists that are complete, abilities that imply others.
 """
 
-from lcmchain.fmu.doctor.rules import head, structure, variables
+from lcmchain.fmu.doctor.rules import head, structure, terminals, variables
 from lcmchain.fmu.doctor.rules.rule import RULES, Broken, Rule, broken_rules
 
-__all__ = ["RULES", "Broken", "Rule", "broken_rules", "head", "structure", "variables"]
+__all__ = [
+    "RULES",
+    "Broken",
+    "Rule",
+    "broken_rules",
+    "head",
+    "structure",
+    "terminals",
+    "variables",
+]

@@ -93,10 +93,11 @@ class Interface:
     Parameters
     ----------
     root : ``fmiModelDescription`` of FMI 2.0 or 3.0.
+    terminals : ``fmiTerminalsAndIcons`` of FMI 3.0, where the unit has it.
     """
 
-    def __init__(self, root: Element) -> None:
-        self.root = root
+    def __init__(self, root: Element, terminals: Element | None = None) -> None:
+        self.root, self.terminals = root, terminals
         self.is_three = root.get("fmiVersion", "").startswith("3")
         self.variables = tuple(
             self._entry(number, element)

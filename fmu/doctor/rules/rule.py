@@ -44,8 +44,11 @@ def rule(name: str, asks: str, source: str) -> Callable[[Check], Check]:
     return register
 
 
-def broken_rules(root: Element) -> list[Broken]:
-    """Return the rules that a model description of FMI 2.0 or 3.0 breaks; empty if it keeps all."""
-    interface = Interface(root)
+def broken_rules(root: Element, terminals: Element | None = None) -> list[Broken]:
+    """Return the rules that a model description of FMI 2.0 or 3.0 breaks; empty if it keeps all.
+
+    terminals : what describes the terminals of the unit, if it has them.
+    """
+    interface = Interface(root, terminals)
     found = (Broken(one, tuple(one.check(interface))) for one in RULES.values())
     return [broken for broken in found if broken.how]
