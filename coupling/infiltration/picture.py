@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
 from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.unformed_part import UNFORMED
 from lcmchain.report.renderer import (
     axes_at,
     draw_facets,
@@ -47,14 +48,30 @@ MOST_NAMED = 6
 
 def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
     """Draw how the front moved: bands and lines of equal fill time, gates, vents, dry spots."""
-    last = np.nanmax(filled.fill_time) if np.isfinite(filled.fill_time).any() else 0.0
-    factor, unit = (1.0, "s") if last < 600.0 else (1.0 / 60.0, "min")
+    last, factor, unit = _last_time(filled.fill_time)
     values = factor * filled.fill_time
     share = 100.0 * filled.history.filled_share[-1]
     # what presses on a part goes on after it is full, and the last step ends after the last node
     end = last if filled.is_filled else filled.time[-1]
     subtitle = f"{title}  ·  {share:.4g} % filled after {factor * end:.4g} {unit}"
     _draw(path, filled, values, f"Fill time [{unit}]", TIME_COLOURS, subtitle, lowest=0.0)
+
+
+def draw_medium_time(path: Path | str, filled: FilledPart, title: str) -> None:
+    """Draw how the front moved in the flow medium on the part; what has none counts as dry."""
+    assert filled.layer is not None
+    last, factor, unit = _last_time(filled.layer.fill_time)
+    subtitle = f"{title}  ·  the last of it is reached after {factor * last:.4g} {unit}"
+    _draw(
+        path, filled, factor * filled.layer.fill_time, f"Fill time of the flow medium [{unit}]",
+        TIME_COLOURS, subtitle, lowest=0.0, named_dry=False,
+    )  # fmt: skip
+
+
+def _last_time(fill_time: np.ndarray) -> tuple[float, float, str]:
+    """The last of fill times [s], and factor and name of the unit in which they are told."""
+    last = float(np.nanmax(fill_time)) if np.isfinite(fill_time).any() else 0.0
+    return (last, 1.0, "s") if last < 600.0 else (last, 1.0 / 60.0, "min")
 
 
 def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
@@ -105,8 +122,9 @@ def _draw(
         left.set_axis_off()
         draw_triad(left, view)
         side = "below" if view.up[2] < 0.0 else "above"
+        shown = "part" if UNFORMED in filled.setup.part.dataset.attrs else "formed part"
         figure.text(
-            0.3 / 11.4, (0.5 + panel) / (panel + 1.6), f"formed part, from {side}", color=FAINT,
+            0.3 / 11.4, (0.5 + panel) / (panel + 1.6), f"{shown}, from {side}", color=FAINT,
             fontsize=9, va="bottom",
         )  # fmt: skip
         right.set_title("from above", color=FAINT, loc="left")
