@@ -58,13 +58,13 @@ def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
 
 
 def draw_medium_time(path: Path | str, filled: FilledPart, title: str) -> None:
-    """Draw how the front moved in the flow medium on the part; what has none counts as dry."""
+    """Draw how the front moved in the flow medium on the part."""
     assert filled.layer is not None
     last, factor, unit = _last_time(filled.layer.fill_time)
     subtitle = f"{title}  ·  the last of it is reached after {factor * last:.4g} {unit}"
     _draw(
         path, filled, factor * filled.layer.fill_time, f"Fill time of the flow medium [{unit}]",
-        TIME_COLOURS, subtitle, lowest=0.0, named_dry=False,
+        TIME_COLOURS, subtitle, lowest=0.0, named_dry=False, empty="none, or dry",
     )  # fmt: skip
 
 
@@ -98,6 +98,7 @@ def _draw(
     *,
     lowest: float | None = None,
     named_dry: bool = True,
+    empty: str = "dry",
 ) -> None:
     points = 1e3 * filled.setup.part.target.points
     cells = filled.setup.part.target.corners
@@ -129,7 +130,8 @@ def _draw(
         )  # fmt: skip
         right.set_title("from above", color=FAINT, loc="left")
         label_axes(right, "x [mm]", "y [mm]")
-        draw_level_bar(figure, bar, levels, colour_map, label, bool(np.isnan(values[cells]).any()))
+        has_dry = bool(np.isnan(values[cells]).any())
+        draw_level_bar(figure, bar, levels, colour_map, label, has_dry, empty)
         headline(figure, label, subtitle)
         save(figure, path)
 
@@ -266,7 +268,13 @@ def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
 
 
 def draw_level_bar(
-    figure: Figure, axis: Axes, levels: np.ndarray, colour_map: str, label: str, has_dry: bool
+    figure: Figure,
+    axis: Axes,
+    levels: np.ndarray,
+    colour_map: str,
+    label: str,
+    has_dry: bool,
+    empty: str = "dry",
 ) -> None:
     """Fill an axis with the bar of bands, and name the colour of what is dry."""
     from matplotlib.cm import ScalarMappable
@@ -281,6 +289,6 @@ def draw_level_bar(
     bar.set_label(label[:1].lower() + label[1:], labelpad=6)
     if has_dry:
         axis.legend(
-            handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label="dry")], loc="upper left",
+            handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label=empty)], loc="upper left",
             bbox_to_anchor=(-0.6, -0.04), borderaxespad=0.0,
         )  # fmt: skip
