@@ -95,9 +95,10 @@ class FlowMedium:
             np.concatenate([mesh.cells, np.where(corners >= 0, row[corners], -1)]),
         )
         size = len(self.cells)
-        own = Preform(
-            np.full(size, self.thickness), np.full(size, self.porosity), self.permeability
-        ).of_cells(size)
+        tensor = np.asarray(self.permeability, dtype=float)
+        own = Preform(np.full(size, self.thickness), np.full(size, self.porosity), tensor).of_cells(
+            size
+        )
         # Resin passes through the layer itself without resistance; the value is not used.
         through = np.concatenate([preform.through_permeability, np.ones(size)])
         layered = Preform(
