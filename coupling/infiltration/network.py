@@ -256,7 +256,8 @@ class Network:
             factor = np.broadcast_to(np.asarray(track_scale, dtype=float), size)
             flow = flow + factor * self._track_flow
             moment = moment + factor[:, None, None] * self._track_moment
-            spread = spread + float(factor.mean()) * self._track_spread
+            in_plane = float(factor[: self.in_plane_count].mean())
+            spread = spread + in_plane * self._track_spread
         if self.links is not None and through is not None:
             area = self.node_areas()[self.links.above]
             below = self.node_mean(through)[self.links.below]

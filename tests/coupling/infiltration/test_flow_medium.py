@@ -7,6 +7,11 @@ from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
 from lcmchain.coupling.infiltration.flow_medium import FlowMedium, lead_length
 from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.resin import (
+    CastroMacoskoViscosity,
+    ConstantTemperature,
+    KamalSourour,
+)
 from lcmchain.coupling.infiltration.sample_meshes import plate
 from lcmchain.errors import InputError
 
@@ -32,7 +37,8 @@ class Strip:
         nodes = np.setdiff1d(np.concatenate([end, covered]), gate.nodes)
         vent = Vent("end", nodes, closes_when_wet=not others.pop("bleeds", False))
         self.filling = Filling(
-            layered, both, VISCOSITY, [gate], [vent], links=self.links, **others
+            layered, both, others.pop("resin", VISCOSITY), [gate], [vent],
+            links=self.links, **others,
         )  # fmt: skip
 
     def run(self, until):
@@ -163,6 +169,28 @@ def test_resin_rises_from_the_preform_into_the_layer():
     time, links = strip.filling.state.fill_time, strip.links
     first = links.below == np.min(links.below)
     assert (time[links.above[first]] > time[links.below[first]]).all()
+
+
+def test_cure_of_the_resin_that_sinks_is_that_of_its_age():
+    """Of resin that cures at the rate k, V (1 - cure) in all is Q (1 - exp(-k t)) / k."""
+    rate, time = 0.03, 0.2 / SPEED
+    resin = CastroMacoskoViscosity(
+        reference_viscosity=VISCOSITY, activation_energy=0.0, gel_cure=0.999, exponent=0.1,
+        exponent_slope=0.0, kinetics=KamalSourour.nth_order(rate, 0.0, 1.0),
+    )  # fmt: skip
+    warm = ConstantTemperature(400.0)
+    steps = FillingOptions(largest_step=0.2)  # what enters ages over the whole of its first step
+    strip = Strip(20, at_rate(), resin=resin, temperature=warm, options=steps)
+    strip.run(time)
+    state = strip.filling.state
+    fresh = float(state.resin_volume @ (1.0 - state.cure))
+    exact = state.injected[0] / time * (1.0 - np.exp(-rate * time)) / rate
+    assert fresh == pytest.approx(exact, rel=5e-3)
+    oldest = 1.0 - np.exp(-rate * time)
+    wet = state.resin_volume > 0.0
+    assert (state.cure[wet] >= 0.0).all() and state.cure.max() <= oldest * (1.0 + 1e-9)
+    below = state.cure[: strip.mesh.node_count][state.full[: strip.mesh.node_count]]
+    assert below.max() > 0.5 * oldest  # what sinks takes its cure along
 
 
 def test_going_back_to_a_saved_state_gives_the_same_bits():
