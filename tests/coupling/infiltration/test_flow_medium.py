@@ -99,6 +99,8 @@ def test_lead_of_the_layer_converges_to_the_closed_form():
 def test_front_at_the_far_face_lags_by_the_lead_length():
     strip = Strip(60, at_rate())
     strip.run(0.24 / SPEED)
+    layer, preform = strip.lengths
+    assert layer - preform == pytest.approx(lag(), rel=0.15)  # in the program's own steps
     time, count, x = strip.filling.state.fill_time, strip.mesh.node_count, strip.mesh.points[:, 0]
     there = (x > 0.1) & (x < 0.15)
     line = np.isfinite(time[count:]) & (strip.mesh.points[:, 1] < 1e-9)
