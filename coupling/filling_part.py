@@ -74,6 +74,12 @@ class FillingPart:
     ) -> None:
         if not 0.0 < pace < np.inf:
             raise InputError(f"the pace of a filling must be positive, not {pace:g}")
+        if filling.medium.network.links is not None:
+            raise InputError(
+                "is a layer without a solid of its own, so that no other program can move or press "
+                "it; leave it out",
+                key="flow_medium",
+            )
         self.filling, self.on_step = filling, on_step
         #: When the present pace began, by the solid's clock and by the filling's [s]; the pace.
         self.clock = (0.0, 0.0, float(pace))

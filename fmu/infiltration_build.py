@@ -196,6 +196,12 @@ def _require_still(case: Infiltration) -> None:
             "leave closure out, and couple the unit with one that forms (lcmchain docs fmu)",
             key="closure",
         )
+    if case.flow_medium is not None:
+        raise InputError(
+            "cannot be part of a unit: a master moves the preform, and knows of no layer on it; "
+            "fill with it by lcmchain fill, or leave it out",
+            key="flow_medium",
+        )
 
 
 def _without_path(part: FormedPart) -> FormedPart:

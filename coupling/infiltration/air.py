@@ -86,7 +86,7 @@ def new_dry_spots(
     dry = air.region >= 0
     enclosed[dry] = ~air.vented[air.region[dry]]
     spots = []
-    area = medium.node_area
+    area = medium.sheet_area
     for number in np.unique(air.region[enclosed & ~state.enclosed]):
         nodes = np.flatnonzero(air.region == number)
         if state.enclosed[nodes].any() or not np.isnan(state.fill_time[nodes]).any():

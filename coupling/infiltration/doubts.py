@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lcmchain.coupling.infiltration.flow_medium import lead_length
 from lcmchain.mesh.places import Places, place_text
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
     yield from _gates(setup, places)
     yield from _never_open(setup)
     yield from _regions(setup, places)
+    yield from _flow_medium(setup, places)
     for track in setup.case.race_tracks:
         if track.width > WIDEST_TRACK * places.edge_length:
             yield (
@@ -95,3 +97,29 @@ def _regions(setup: FillingSetup, places: Places) -> Iterator[str]:
                     'stands beside "regions", not in a region), or the region a '
                     "permeability_factor"
                 )
+
+
+def _flow_medium(setup: FillingSetup, places: Places) -> Iterator[str]:
+    """A layer that conducts less than the preform, or whose lead the mesh does not resolve."""
+    layer, given, preform = setup.flow_medium, setup.case.flow_medium, setup.preform
+    if layer is None or given is None or preform.through_permeability is None:
+        return
+    cells, best = layer.cells, given.permeability.k1 * max(1.0, given.permeability.ratio)
+    largest = np.linalg.eigvalsh(preform.permeability[cells])[:, -1]
+    if np.median(preform.thickness[cells] * largest) > layer.thickness * best:
+        yield (
+            "the preform below the flow medium conducts more than the layer, by thickness times "
+            "permeability: resin will not run ahead in it; check both permeabilities"
+        )
+        return
+    lead = lead_length(
+        float(np.median(preform.thickness[cells])), float(np.median(preform.porosity[cells])),
+        float(np.median(preform.through_permeability[cells])),
+        layer.thickness, layer.porosity, best,
+    )  # fmt: skip
+    if lead < places.edge_length:
+        yield (
+            f"in the flow medium the front leads by about {1e3 * lead:.2g} mm, less than one edge "
+            f"of the mesh ({1e3 * places.edge_length:.3g} mm): the lead is that of the mesh; make "
+            "it finer where that matters"
+        )

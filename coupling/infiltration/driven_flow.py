@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lcmchain.coupling.infiltration.factors import Factors
+from lcmchain.coupling.infiltration.flow_medium import Sinking
 from lcmchain.coupling.infiltration.holes import neighbours, widening
 from lcmchain.coupling.infiltration.pressure import Boundary, Flow, solve_flow
 from lcmchain.coupling.infiltration.situation import Situation
@@ -171,10 +172,23 @@ class DrivenFlow:
             fixed, source, tuple(tied), contact, outside, situation.state.air_pressure,
             self.height(), pocket, hole, in_hole, compliance, situation.lift,
             situation.pores / step if switches.resting else None, wider,
+            self._sinking(situation, state, step),
         )  # fmt: skip
         return solve_flow(
             network, situation.conductances, state.full, state.fill, boundary, state.pressure,
             self.factors,
+        )  # fmt: skip
+
+    def _sinking(self, situation: Situation, state: FillingState, step: float) -> Sinking | None:
+        """Columns that fill through the thickness, from where they are at the step's start."""
+        network = self.filling.medium.network
+        if network.links is None:
+            return None
+        first = network.in_plane_count
+        start = situation.state
+        return Sinking(
+            network.links, first, situation.conductances.flow[first:], state.full, start.fill,
+            situation.pores, start.air_pressure - self.height(), step,
         )  # fmt: skip
 
     def _pockets(self, situation: Situation, step: float) -> tuple[np.ndarray, np.ndarray]:

@@ -40,6 +40,22 @@ _FIELDS = (
         is_vector=True,
     ),
     Field(
+        "flow_medium_fill_factor", "1", "fill factor of the flow medium", NODE,
+        "resin over pore volume in the layer above the node; not a number where there is none",
+    ),
+    Field(
+        "flow_medium_fill_time", "s", "fill time of the flow medium", NODE,
+        "time at which the front passed in the layer above the node; not a number where it is dry",
+    ),
+    Field(
+        "flow_medium_pressure", "Pa", "pressure in the flow medium", NODE,
+        "of the resin, or of the air where the layer above the node is dry",
+    ),
+    Field(
+        "flow_medium_resin_mass", "kg", "resin mass in the flow medium", NODE,
+        "in the layer above the node: none of the resin in the part",
+    ),
+    Field(
         "pressed_thickness", "m", "thickness under what presses on the part", FACE,
         "of the part between closing tools or under a bag",
     ),

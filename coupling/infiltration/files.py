@@ -43,6 +43,11 @@ def filling_values(filled: FilledPart) -> Values:
         values["resin_temperature"] = filled.temperature
     if filled.setup.film is not None:
         values["resin_film"] = filled.film
+    if filled.layer is not None:
+        values["flow_medium_fill_factor"] = filled.layer.fill
+        values["flow_medium_fill_time"] = filled.layer.fill_time
+        values["flow_medium_pressure"] = filled.layer.pressure
+        values["flow_medium_resin_mass"] = density * filled.layer.resin_volume
     if filled.is_pressed:
         values["pressed_thickness"] = filled.thickness
         values["pressed_fibre_volume_fraction"] = filled.fibre_volume_fraction
@@ -114,7 +119,7 @@ def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
     on_points: dict[str, np.ndarray] = {}
     for name, values in filling_values(filled).items():
         field = FILLING_FIELDS[name]
-        own = values if name == "fill_time" else values[frame]
+        own = values if name.endswith("fill_time") else values[frame]
         if field.location == "face":
             on_cells[name] = own
         else:

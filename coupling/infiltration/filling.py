@@ -11,6 +11,7 @@ from lcmchain.coupling.infiltration.air import find_air, new_dry_spots
 from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
 from lcmchain.coupling.infiltration.factors import Work
 from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
+from lcmchain.coupling.infiltration.flow_medium import Links, joined_parts
 from lcmchain.coupling.infiltration.liquid import Liquid
 from lcmchain.coupling.infiltration.medium import Medium, check_thickness
 from lcmchain.coupling.infiltration.mesh import FlowMesh
@@ -40,6 +41,8 @@ class Filling:
     wetted : fill factors at the start, shape (N,), or rows of nodes that are full.
     film : resin that lies on the sheet and what presses on it.
     edges : race tracks.
+    links : where cells of a flow medium lie on the preform, see
+        :meth:`lcmchain.coupling.infiltration.flow_medium.FlowMedium.layered`.
 
     Raises
     ------
@@ -59,12 +62,13 @@ class Filling:
         wetted: np.ndarray | None = None,
         film: Film | None = None,
         edges: Sequence[RaceTrack] = (),
+        links: Links | None = None,
         options: FillingOptions | None = None,
     ) -> None:
         self.options = options or FillingOptions()
         on_film = 0.0 if film is None else film.pressure
         self.supply = Supply(gates, vents, mesh.node_count, on_film)
-        self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes)
+        self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes, links)
         self.liquid = Liquid(resin, temperature)
         #: Where air comes in through the faces, no part of the saved states; None for nowhere.
         self.open_faces: OpenFaces | None = None
@@ -117,7 +121,9 @@ class Filling:
             supplied[gate.nodes] = True
         if not supplied.any():
             raise InputError("there is neither a gate nor resin in or on the sheet; name a gate")
-        part = mesh.part_of_node
+        part, links = mesh.part_of_node, self.medium.network.links
+        if links is not None:
+            part = joined_parts(part, links)
         lost = np.setdiff1d(np.unique(part), part[supplied])
         if len(lost):
             nodes = np.flatnonzero(np.isin(part, lost))

@@ -44,7 +44,10 @@ class FillingRun:
         #: What is advanced and saved: the filling, or the mould that closes on it.
         self.mover: Filling | Mould = self.mould or self.filling
         self.record = FillingRecord.empty()
-        self._node_area = node_areas(setup)
+        # resin in a flow medium covers nothing of the part
+        area = node_areas(setup)
+        layer = self.filling.mesh.node_count - len(area)
+        self._node_area = np.concatenate([area, np.zeros(layer)])
 
     def complete(self, *, resume: bool = False) -> FilledPart:
         """Advance to the end and return what was found.

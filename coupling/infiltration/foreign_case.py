@@ -41,6 +41,21 @@ class Textile:
 
 
 @dataclass(frozen=True)
+class Layer:
+    """A flow medium as the file writes it, in SI units, and the part that it is on.
+
+    part : None for all of the mesh. through : of the preform through its thickness, the same in all
+    parts.
+    """
+
+    part: str | None
+    thickness: Decimal
+    porosity: Decimal
+    permeability: Decimal
+    through: Decimal
+
+
+@dataclass(frozen=True)
 class Zone:
     """A set or part of the mesh: what it is, and its textile, None where it has that of all.
 
@@ -73,6 +88,7 @@ class ForeignCase:
     time: Decimal
     frames: int | None
     told: tuple[str, ...]
+    layer: Layer | None = None
 
 
 def read_rtmsim(path: Path | str, mesh: Path | None = None) -> ForeignCase:
@@ -140,7 +156,8 @@ def read_lcmsim(
         part that the mesh does not have.
     """
     path, file = Path(parts), Path(parameters)
-    rows, told = _table(path), []
+    told: list[str] = []
+    rows = [{"name": f"part{k}"} | row for k, row in enumerate(_table(path), start=2)]
     base, zones = None, []
     for number, row in enumerate(rows, start=2):
         where = f"line {number}"
@@ -149,8 +166,8 @@ def read_lcmsim(
                   ("thickness", "porosity", "permeability", "alpha")]  # fmt: skip
         values += [_decimal(text or "", f"{where}, refdir", path) for text in axis]
         textile = _textile(values, where, path)
-        kind, name = row.get("type", ""), row.get("name", f"part{number}")
-        told += _part_told(row, name)
+        kind, name = row.get("type", ""), row["name"]
+        told += _part_told(row)
         if kind == BASE:
             base = textile
             continue
@@ -161,6 +178,8 @@ def read_lcmsim(
         zones.append(Zone(name, kind, int(_cell(row, "part_id", where, path)), textile))
     if base is None:
         raise InputError("has no part of the type base", file=path)
+    layer, not_taken = _layer(rows, path)
+    told += not_taken
     (values_of,) = _table(file)[:1] or ({},)
 
     def value(name: str) -> Decimal:
@@ -171,7 +190,7 @@ def read_lcmsim(
     density = value("rho_0_oil") if "rho_0_oil" in values_of else None
     case = ForeignCase(
         "LCMsim", path, _existing(Path(mesh)), base, tuple(zones), value("mu_resin"), density,
-        value("p_a"), value("p_init"), time, None, tuple(dict.fromkeys(told)),
+        value("p_a"), value("p_init"), time, None, tuple(dict.fromkeys(told)), layer,
     )  # fmt: skip
     return _on_mesh(case, first_set=_BASE_ID + 1)
 
@@ -191,8 +210,10 @@ def case_text(case: ForeignCase) -> str:
         lines.append(f"frames = {max(case.frames, 2)}")
     base = case.base
     lines += [
-        "", "[preform]", *_textile_lines(base, "permeability"), 'sets_hold = "cells"',
+        "", "[preform]", *_textile_lines(base, "permeability", case.layer), 'sets_hold = "cells"',
     ]  # fmt: skip
+    if case.layer is not None:
+        lines += ["", "[flow_medium]", *_layer_lines(case.layer, case.zones)]
     for zone in case.zones:
         place = [f'name = "{zone.name}"', f'set = "{zone.place}"']
         if zone.kind == INLET:
@@ -206,13 +227,24 @@ def case_text(case: ForeignCase) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _textile_lines(textile: Textile, key: str) -> list[str]:
+def _layer_lines(layer: Layer, zones: tuple[Zone, ...]) -> list[str]:
+    lines = [
+        f'thickness = "{layer.thickness} m"',
+        f"porosity = {layer.porosity}",
+        f'permeability = {{ k1 = "{layer.permeability} m^2" }}',
+    ]
+    places = [zone.place for zone in zones if zone.name == layer.part]
+    return lines + [f'over = {{ set = "{place}" }}' for place in places]
+
+
+def _textile_lines(textile: Textile, key: str, layer: Layer | None = None) -> list[str]:
     axis = ", ".join(map(str, textile.axis))
+    through = "" if layer is None else f', k3 = "{layer.through} m^2"'
     return [
         f'thickness = "{textile.thickness} m"',
         f"fibre_volume_fraction = {1 - textile.porosity}",
         f'{key} = {{ k1 = "{textile.permeability} m^2", ratio = {textile.ratio}, '
-        f"axis = [{axis}] }}",
+        f"axis = [{axis}]{through} }}",
     ]
 
 
@@ -273,9 +305,45 @@ def _existing(mesh: Path) -> Path:
 # --- what is left out -----------------------------------------------------------------------------
 
 
-def _part_told(row: dict[str, str], name: str) -> list[str]:
-    """Say what of a part is not taken over, where it says anything."""
+def _layer(rows: list[dict[str, str]], path: Path) -> tuple[Layer | None, list[str]]:
+    """Return the flow medium of a table, or why it is not taken over."""
+    columns = ("thickness_DM", "porosity_DM", "permeability_DM")
+    have = [row for row in rows if _differs(row.get(columns[0]), "0")]
+    if not have:
+        return None, []
+    names = ", ".join(row.get("name", "") for row in have)
+    what = f"thickness_DM, porosity_DM, permeability_DM of {names}"
+    slower = "the front will be slower than with the flow medium"
+    through = {row.get("permeability_Z") for row in rows}
+    if any(not row.get(name) for row in have for name in columns) or None in through:
+        return None, [f"{what}: all three and permeability_Z are needed of every part; {slower}"]
+    values = {tuple(_cell(row, name, row["name"], path) for name in columns) for row in have}
+    of_preform = {_decimal(text or "", "permeability_Z", path) for text in through}
+    everywhere = len(have) == len(rows)
+    if len(values) > 1 or len(of_preform) > 1:
+        return None, [f"{what}: they differ from part to part, and a case has one layer; {slower}"]
+    if not everywhere and (len(have) > 1 or have[0].get("type") == BASE):
+        return None, [
+            f"{what}: it is on several parts but not on all; give the case a [flow_medium] over a "
+            f"set of all of them, or {slower}"
+        ]
+    (thickness, porosity, permeability), (third,) = values.pop(), of_preform
+    if min(thickness, permeability, third) <= 0 or not 0 < porosity < 1:
+        raise InputError(
+            f"{what}: thickness and permeabilities (permeability_Z too) are above 0, a porosity "
+            "lies between 0 and 1",
+            file=path,
+        )
     told = []
+    if any(_differs(row.get("permeability_DM_Z"), "0") for row in have):
+        told.append(f"permeability_DM_Z of {names}: resin crosses the layer without resistance")
+    part = None if everywhere else have[0]["name"]
+    return Layer(part, thickness, porosity, permeability, third), told
+
+
+def _part_told(row: dict[str, str]) -> list[str]:
+    """Say what of a part is not taken over, where it says anything."""
+    told, name = [], row["name"]
     for column in ("porosity_noise", "permeability_noise"):
         if _differs(row.get(column), "0"):
             told.append(f"{column} of {name}: properties have no scatter")
@@ -283,11 +351,6 @@ def _part_told(row: dict[str, str], name: str) -> list[str]:
            ("porosity_1", "porosity_2")):  # fmt: skip
         told.append(f"porosity_1, p_1, porosity_2, p_2, n_CK of {name}: the preform keeps its "
                     "thickness and porosity while it fills")  # fmt: skip
-    if _differs(row.get("thickness_DM"), "0"):
-        told.append(
-            f"thickness_DM, porosity_DM, permeability_DM of {name}: there is no flow medium as a "
-            "layer of its own, and the front will be slower than with it"
-        )
     return told
 
 

@@ -82,7 +82,9 @@ def find_front(
     network: Network, conductances: Conductances, full: np.ndarray, fill: np.ndarray
 ) -> Front:
     """Return the front for full nodes (N,) and fill factors (N,)."""
-    first, second = network.edges.T
+    # what comes through the thickness is no part of the front in the plane
+    edges = network.edges[: network.in_plane_count]
+    first, second = edges.T
     at = full[first]
     edge = np.flatnonzero(at != full[second])
     at = at[edge]
@@ -93,14 +95,15 @@ def find_front(
     count = network.node_count
     total = np.bincount(fed, flow, minlength=count)
     strength = np.bincount(fed, np.abs(flow), minlength=count)
-    all_around = np.bincount(first, np.abs(conductances.flow), minlength=count)
-    all_around += np.bincount(second, np.abs(conductances.flow), minlength=count)
+    size = np.abs(conductances.flow[: len(edges)])
+    all_around = np.bincount(first, size, minlength=count)
+    all_around += np.bincount(second, size, minlength=count)
     reach = network.reach[edge, at.astype(np.int64)]
     reached = np.bincount(fed, reach, minlength=count) > LEAST_REACH
     takes = (total > LEAST_SHARE * strength) & reached
     waits = (strength > 0.0) & ~takes
     if waits.any():
-        takes |= waits & (total > 0.0) & _in_pocket_without(takes, full, network.edges)
+        takes |= waits & (total > 0.0) & _in_pocket_without(takes, full, edges)
     nodes = np.flatnonzero(takes)
     kept = takes[fed]
     member = np.searchsorted(nodes, fed[kept])

@@ -160,7 +160,7 @@ def _leaving_edges(network: Network, nodes: np.ndarray) -> tuple[np.ndarray, np.
     """Numbers of the edges that join the nodes to others, and the rows of these."""
     inside = np.zeros(network.node_count, dtype=bool)
     inside[nodes] = True
-    first, second = network.edges.T
+    first, second = network.edges[: network.in_plane_count].T
     out = np.flatnonzero(inside[first] != inside[second])
     return out, np.where(inside[first[out]], second[out], first[out])
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import RaceTrack
+from lcmchain.coupling.infiltration.flow_medium import Links
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.coupling.infiltration.preform import Preform
@@ -29,9 +30,10 @@ class Medium:
         preform: Preform,
         tracks: Sequence[RaceTrack],
         gates: np.ndarray | None = None,
+        links: Links | None = None,
     ) -> None:
         preform = preform.of_cells(mesh.cell_count)
-        self._gates = gates
+        self._gates, self._links = gates, links
         self.mesh, self.preform, self.tracks = mesh, preform, tuple(tracks)
         self.fibre_volume = mesh.areas * preform.thickness * (1.0 - preform.porosity)
         self._fraction = 1.0 - preform.porosity
@@ -64,7 +66,9 @@ class Medium:
 
     def _renew(self, mesh: FlowMesh) -> None:
         self.mesh = mesh
-        self.network = Network(self.mesh, self.preform.permeability, self.tracks, self._gates)
+        self.network = Network(
+            self.mesh, self.preform.permeability, self.tracks, self._gates, self._links
+        )
         self.node_area = self.network.node_areas()
         self._kept = None
 
@@ -95,6 +99,15 @@ class Medium:
         """Rate of the pore volume of the control volumes [m3/s], (N,)."""
         return self.network.corner_sum(self.network.corner_areas * thickness_rate[:, None])
 
+    @property
+    def sheet_area(self) -> np.ndarray:
+        """Area of the preform that belongs to each node [m2], (N,); none at those of a layer."""
+        if self._links is None:
+            return self.node_area
+        area = self.node_area.copy()
+        area[self._links.above] = 0.0
+        return area
+
     def lift(self, state: FillingState) -> Lift | None:
         """Cells that the pressure of their resin thickens, if there are any."""
         cells = np.flatnonzero(state.lift)
@@ -113,9 +126,13 @@ class Medium:
         if kept is None or not (
             np.array_equal(kept[0], thickness) and np.array_equal(kept[1], fluidity)
         ):
-            scale = thickness * fluidity * self.factor(thickness)
+            factor = self.factor(thickness)
+            scale = thickness * fluidity * factor
+            through = self.preform.through_permeability
+            if self._links is not None and through is not None:
+                through = through * fluidity * factor / thickness
             along = self.network.edge_mean(fluidity) if self.tracks else 1.0
-            kept = (thickness.copy(), fluidity, self.network.conductances(scale, along))
+            kept = (thickness.copy(), fluidity, self.network.conductances(scale, along, through))
             self._kept = kept
         return kept[2]
 

@@ -43,9 +43,11 @@ def move(
     received = step * rate + primed
     squeezed = growth - situation.excess
     volume = state.resin_volume + np.where(state.full, squeezed, received)
+    # in the plane alone: through the thickness resin flows as slowly as its pressure says
+    in_plane = slice(network.in_plane_count)
     passed = pass_on(
-        network.edges, situation.conductances.flow, state.resin_volume, volume, pores_end,
-        situation.pores,
+        network.edges[in_plane], situation.conductances.flow[in_plane],
+        state.resin_volume, volume, pores_end, situation.pores,
         rate + primed / step, situation.bleeds, state.full,
         filling.options.largest_excess,
     )  # fmt: skip
@@ -94,6 +96,7 @@ def arrivals(
     threshold = np.full(len(pores_end), 0.5)
     for stage in (stages[1], stages[0]):
         threshold[stage.flow.front.nodes] = stage.flow.front.passed()
+        _through(stage, threshold)
     handed = np.bincount(passed.target, passed.moved, minlength=len(pores_end))
     reached = (state.resin_volume + received + handed) / pores_end
     new = np.isnan(state.fill_time) & (reached >= threshold * FULL)
@@ -101,3 +104,13 @@ def arrivals(
     late = np.maximum(reached - threshold, 0.0) * pores_end / rate
     end = state.time + step
     return np.where(new, np.clip(end - late, state.time, end), state.fill_time)
+
+
+def _through(stage: Stage, threshold: np.ndarray) -> None:
+    """Of columns that fill more from above than from beside, the front passes the bottom."""
+    flow = stage.flow
+    if flow.columns is None:
+        return
+    beside = np.zeros(len(threshold))
+    beside[flow.front.nodes] = flow.inflow
+    threshold[flow.columns.target[flow.sunk > beside[flow.columns.target]]] = 1.0

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.coupling.infiltration.boundaries import RaceTrack
+from lcmchain.coupling.infiltration.flow_medium import FULL_COLUMN, Links
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.pairs import Pairs, Sheet, conducting_pairs
 from lcmchain.coupling.infiltration.unfolding import flat_corners, plane_axes, unfold
@@ -47,6 +48,7 @@ class Network:
     permeability : tensors in space [m2], shape (C, 3, 3).
     tracks : channels along edges.
     gates : rows of nodes that resin enters or leaves at.
+    links : control volumes of a flow medium and of the preform that lie upon each other.
     """
 
     def __init__(
@@ -55,7 +57,9 @@ class Network:
         permeability: np.ndarray,
         tracks: Sequence[RaceTrack] = (),
         gates: np.ndarray | None = None,
+        links: Links | None = None,
     ) -> None:
+        self.links = links
         self.node_count = mesh.node_count
         self.cells, self._points = mesh.cells, mesh.points
         flat = flat_corners(mesh.corners, mesh.normals)
@@ -82,12 +86,15 @@ class Network:
         self._take_corners(turns)
         self._take_pairs(conducting_pairs(sheet, np.concatenate(kept), gates))
         self._add_tracks(mesh, tracks)
+        self._add_links(links)
 
     def _take_pairs(self, pairs: Pairs) -> None:
         number = pairs.ends[:, 0] * self.node_count + pairs.ends[:, 1]
         unique, edge = np.unique(number, return_inverse=True)
         #: Node rows of each edge, the smaller first, (E, 2).
         self.edges = np.stack([unique // self.node_count, unique % self.node_count], axis=1)
+        #: So many edges run in the sheet; those behind them, through the thickness.
+        self.in_plane_count = len(unique)
         self._pair_cell, self._pair_edge = pairs.cell, edge.reshape(-1)
         self._pair_flow, self._pair_between = pairs.flow, pairs.between
         self._pair_moment = pairs.flow[:, None, None] * pairs.between
@@ -150,6 +157,18 @@ class Network:
         for end in (0, 1):
             np.add.at(self._track_spread, self.edges[:, end], spread[:, end])
 
+    def _add_links(self, links: Links | None) -> None:
+        """Edges between a flow medium and the preform, behind those of the sheets."""
+        if links is None:
+            return
+        count = len(links.above)
+        self.edges = np.concatenate([self.edges, np.sort(np.stack(links, axis=1), axis=1)])
+        self.reach = np.concatenate([self.reach, np.zeros((count, 2))])
+        self._track_flow = np.concatenate([self._track_flow, np.zeros(count)])
+        for name in ("_direction", "_track_moment"):
+            own = getattr(self, name)
+            setattr(self, name, np.concatenate([own, np.zeros((count, 2, 2))]))
+
     def corner_sum(self, values: np.ndarray) -> np.ndarray:
         """Sum over the cells of each node of values per corner (C, 4), shape (N,)."""
         cell, corner, node = self._corner
@@ -187,7 +206,7 @@ class Network:
         """Mean over the cells at each edge of values per cell (C,), shape (E,)."""
         size = len(self.edges)
         total = np.bincount(self._pair_edge, values[self._pair_cell], minlength=size)
-        return total / np.bincount(self._pair_edge, minlength=size)
+        return total / np.maximum(np.bincount(self._pair_edge, minlength=size), 1)
 
     def cell_mean(self, values: np.ndarray) -> np.ndarray:
         """Mean over the corners of each cell of values per node (N,), without nan, shape (C,)."""
@@ -205,10 +224,16 @@ class Network:
         """Area of the sheet that belongs to each node [m2], shape (N,)."""
         return self.corner_sum(self.corner_areas)
 
-    def conductances(self, scale: np.ndarray, track_scale: np.ndarray | float) -> Conductances:
+    def conductances(
+        self,
+        scale: np.ndarray,
+        track_scale: np.ndarray | float,
+        through: np.ndarray | None = None,
+    ) -> Conductances:
         """Conductances for h/µ times the factor on the permeability (C,) [m/(Pa s)].
 
         track_scale : 1/µ of the resin in the channels [1/(Pa s)], one number or (E,).
+        through : K₃ / (µ h) of the cells [m/(Pa s)], (C,), where there are links.
         """
         size = len(self.edges)
         pair = scale[self._pair_cell]
@@ -231,7 +256,12 @@ class Network:
             factor = np.broadcast_to(np.asarray(track_scale, dtype=float), size)
             flow = flow + factor * self._track_flow
             moment = moment + factor[:, None, None] * self._track_moment
-            spread = spread + float(factor.mean()) * self._track_spread
+            in_plane = float(factor[: self.in_plane_count].mean())
+            spread = spread + in_plane * self._track_spread
+        if self.links is not None and through is not None:
+            area = self.node_areas()[self.links.above]
+            below = self.node_mean(through)[self.links.below]
+            flow[self.in_plane_count :] = FULL_COLUMN * area * below
         return Conductances(flow, moment, spread, scale)
 
     def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:

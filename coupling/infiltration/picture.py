@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
 from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.unformed_part import UNFORMED
 from lcmchain.report.renderer import (
     axes_at,
     draw_facets,
@@ -47,14 +48,30 @@ MOST_NAMED = 6
 
 def draw_fill_time(path: Path | str, filled: FilledPart, title: str) -> None:
     """Draw how the front moved: bands and lines of equal fill time, gates, vents, dry spots."""
-    last = np.nanmax(filled.fill_time) if np.isfinite(filled.fill_time).any() else 0.0
-    factor, unit = (1.0, "s") if last < 600.0 else (1.0 / 60.0, "min")
+    last, factor, unit = _last_time(filled.fill_time)
     values = factor * filled.fill_time
     share = 100.0 * filled.history.filled_share[-1]
     # what presses on a part goes on after it is full, and the last step ends after the last node
     end = last if filled.is_filled else filled.time[-1]
     subtitle = f"{title}  ·  {share:.4g} % filled after {factor * end:.4g} {unit}"
     _draw(path, filled, values, f"Fill time [{unit}]", TIME_COLOURS, subtitle, lowest=0.0)
+
+
+def draw_medium_time(path: Path | str, filled: FilledPart, title: str) -> None:
+    """Draw how the front moved in the flow medium on the part."""
+    assert filled.layer is not None
+    last, factor, unit = _last_time(filled.layer.fill_time)
+    subtitle = f"{title}  ·  the last of it is reached after {factor * last:.4g} {unit}"
+    _draw(
+        path, filled, factor * filled.layer.fill_time, f"Fill time of the flow medium [{unit}]",
+        TIME_COLOURS, subtitle, lowest=0.0, named_dry=False, empty="none, or dry",
+    )  # fmt: skip
+
+
+def _last_time(fill_time: np.ndarray) -> tuple[float, float, str]:
+    """The last of fill times [s], and factor and name of the unit in which they are told."""
+    last = float(np.nanmax(fill_time)) if np.isfinite(fill_time).any() else 0.0
+    return (last, 1.0, "s") if last < 600.0 else (last, 1.0 / 60.0, "min")
 
 
 def draw_pressure(path: Path | str, filled: FilledPart, title: str) -> None:
@@ -81,6 +98,7 @@ def _draw(
     *,
     lowest: float | None = None,
     named_dry: bool = True,
+    empty: str = "dry",
 ) -> None:
     points = 1e3 * filled.setup.part.target.points
     cells = filled.setup.part.target.corners
@@ -105,13 +123,15 @@ def _draw(
         left.set_axis_off()
         draw_triad(left, view)
         side = "below" if view.up[2] < 0.0 else "above"
+        shown = "part" if UNFORMED in filled.setup.part.dataset.attrs else "formed part"
         figure.text(
-            0.3 / 11.4, (0.5 + panel) / (panel + 1.6), f"formed part, from {side}", color=FAINT,
+            0.3 / 11.4, (0.5 + panel) / (panel + 1.6), f"{shown}, from {side}", color=FAINT,
             fontsize=9, va="bottom",
         )  # fmt: skip
         right.set_title("from above", color=FAINT, loc="left")
         label_axes(right, "x [mm]", "y [mm]")
-        draw_level_bar(figure, bar, levels, colour_map, label, bool(np.isnan(values[cells]).any()))
+        has_dry = bool(np.isnan(values[cells]).any())
+        draw_level_bar(figure, bar, levels, colour_map, label, has_dry, empty)
         headline(figure, label, subtitle)
         save(figure, path)
 
@@ -248,7 +268,13 @@ def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
 
 
 def draw_level_bar(
-    figure: Figure, axis: Axes, levels: np.ndarray, colour_map: str, label: str, has_dry: bool
+    figure: Figure,
+    axis: Axes,
+    levels: np.ndarray,
+    colour_map: str,
+    label: str,
+    has_dry: bool,
+    empty: str = "dry",
 ) -> None:
     """Fill an axis with the bar of bands, and name the colour of what is dry."""
     from matplotlib.cm import ScalarMappable
@@ -263,6 +289,6 @@ def draw_level_bar(
     bar.set_label(label[:1].lower() + label[1:], labelpad=6)
     if has_dry:
         axis.legend(
-            handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label="dry")], loc="upper left",
+            handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label=empty)], loc="upper left",
             bbox_to_anchor=(-0.6, -0.04), borderaxespad=0.0,
         )  # fmt: skip

@@ -21,6 +21,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.coupling.infiltration.factors import Factors
+from lcmchain.coupling.infiltration.flow_medium import SOLUTIONS, Columns, Sinking
 from lcmchain.coupling.infiltration.front import Front, find_front
 from lcmchain.coupling.infiltration.network import Conductances, Network
 from lcmchain.errors import SimulationError
@@ -80,6 +81,7 @@ class Boundary:
         where the front is as it stands. See :meth:`_System._close_front`.
     wider : factors of the edges' conductances, (E,); None where all are 1. See
         :func:`.holes.widening`.
+    sinking : columns that are filled through the thickness, where there is a flow medium.
     """
 
     fixed: np.ndarray
@@ -96,6 +98,7 @@ class Boundary:
     lift: Lift | None = None
     room: np.ndarray | None = None
     wider: np.ndarray | None = None
+    sinking: Sinking | None = None
 
     def of_cells(self, full: np.ndarray, resin: np.ndarray) -> np.ndarray:
         """Pressures (N,) that cells take from their corners, of those of the resin [Pa], (N,)."""
@@ -113,6 +116,8 @@ class Flow(NamedTuple):
     lifted (L,) : mean pressure [Pa] of the cells that it lifts.
     net (N,) : what full nodes give off beyond their source [m3/s]: the flow of gates and vents at
         their nodes, round-off at others.
+    columns : that are filled through the thickness, None where there are none;
+        sunk (P,) : what flows into each [m3/s].
     """
 
     potential: np.ndarray
@@ -122,11 +127,22 @@ class Flow(NamedTuple):
     along: np.ndarray
     net: np.ndarray
     lifted: np.ndarray
+    columns: Columns | None = None
+    sunk: np.ndarray = np.zeros(0)
 
     @property
     def inflow(self) -> np.ndarray:
         """Flow into each front volume [m3/s], (K,)."""
         return np.bincount(self.front.member, self.feed, minlength=len(self.front.nodes))
+
+    def filling(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the volumes that are being filled, and what flows into each [m3/s]."""
+        if self.columns is None:
+            return self.front.nodes, self.inflow
+        both = np.concatenate([self.front.nodes, self.columns.target])
+        rows, place = np.unique(both, return_inverse=True)
+        inflow = np.concatenate([self.inflow, self.sunk])
+        return rows, np.bincount(place.reshape(-1), inflow, minlength=len(rows))
 
 
 def longest_free_step(flow: Flow, pores: np.ndarray, height: np.ndarray) -> float:
@@ -157,7 +173,12 @@ def solve_flow(
     if boundary.wider is not None:
         front = front.conducting(boundary.wider)
     system = _System(network, conductances, full, front, boundary)
-    return system.solve(held, factors)
+    flow = system.solve(held, factors)
+    if boundary.sinking is not None:
+        for _ in range(SOLUTIONS - 1):
+            boundary.sinking.agree(flow.potential)
+            flow = system.solve(held, factors)
+    return flow
 
 
 class _System:
@@ -265,6 +286,8 @@ class _System:
         driven = np.zeros(count, dtype=bool)
         driven[region[fixed]] = True
         driven[region[self.front.source]] = True
+        if self.boundary.sinking is not None:
+            driven[region[self.boundary.sinking.columns.source]] = True
         driven[region[self.full & (self.boundary.contact != 0.0)]] = True
         lift = self.boundary.lift
         if lift is not None:
@@ -300,6 +323,13 @@ class _System:
         rows = [i, j, i, j, source, touched, shared.row]
         columns = [i, j, j, i, source, touched, shared.col]
         entries = [flow, flow, -flow, -flow, own, boundary.contact[touched], shared.data]
+        if boundary.sinking is not None:
+            columns_ = boundary.sinking.columns
+            rows.append(columns_.source)
+            columns.append(columns_.source)
+            entries.append(columns_.conductance)
+            dry = (boundary.air - boundary.height)[columns_.target]
+            right += np.bincount(columns_.source, columns_.conductance * dry, minlength=self.count)
         if boundary.lift is not None:
             self._add_lift(boundary.lift, rows, columns, entries, right)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(entries), right
@@ -378,6 +408,9 @@ class _System:
             - np.bincount(self.second, between, minlength=self.count)
             + np.bincount(front.source, feed, minlength=self.count)
         )
+        columns, sunk = self._sink(potential, along)
+        if columns is not None:
+            net = net + np.bincount(columns.source, sunk, minlength=self.count)
         taken, lifted = np.zeros(self.count), np.zeros(0)
         if boundary.lift is not None:
             lift = boundary.lift
@@ -388,7 +421,19 @@ class _System:
         wet = ~np.isnan(potential)
         pressure = np.where(wet, potential + boundary.height, boundary.air)
         pressure[nodes] = np.maximum(pressure[nodes], self.air + self.air_height)
-        return Flow(potential, pressure, front, feed, along, net, lifted)
+        return Flow(potential, pressure, front, feed, along, net, lifted, columns, sunk)
+
+    def _sink(self, potential: np.ndarray, along: np.ndarray) -> tuple[Columns | None, np.ndarray]:
+        """Flow through the thickness [m3/s], (P,); writes it into that of all edges (E,)."""
+        boundary = self.boundary
+        if boundary.sinking is None:
+            return None, np.zeros(0)
+        columns = boundary.sinking.columns
+        dry = (boundary.air - boundary.height)[columns.target]
+        sunk = columns.conductance * (potential[columns.source] - dry)
+        forth = self.edge_first[columns.edge] == columns.source
+        along[columns.edge] = np.where(forth, sunk, -sunk)
+        return columns, sunk
 
 
 def _solve(

@@ -31,7 +31,9 @@ class FillingReport:
     difference of entered, vented and stored resin, relative to what entered. ``closing`` is of what
     presses on the part: the largest force [N] and its parts at that time, thicknesses at the end,
     windows of the coupling and their iterations; None in a mould that does not move. ``stages``
-    is what happened in each stage of the process, where it has stages.
+    is what happened in each stage of the process, where it has stages. ``flow_medium`` is of the
+    layer on the part, whose pores and resin are counted in all sums: the resin that stays in it
+    [m3], its pores [m3], and when its last node was reached [s], None where it was not.
     """
 
     name: str
@@ -54,6 +56,7 @@ class FillingReport:
     vents: dict[str, dict[str, float]]
     dry_spots: list[dict[str, Any]]
     stages: dict[str, dict[str, float]] = field(default_factory=dict)
+    flow_medium: dict[str, float | None] | None = None
     wall_s: float = 0.0
     warnings: list[str] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
@@ -122,9 +125,24 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
             )[:MOST_SPOTS]
         ],
         stages=_of_stages(filled),
+        flow_medium=_of_layer(filled),
         warnings=[*setup.warnings, *_warnings(filled, pores)],
     )
     return report
+
+
+def _of_layer(filled: FilledPart) -> dict[str, float | None] | None:
+    """Numbers of the flow medium on the part."""
+    layer = filled.layer
+    if layer is None:
+        return None
+    there = np.isfinite(layer.fill[-1])
+    times = layer.fill_time[there]
+    return {
+        "resin_volume": float(layer.resin_volume[-1][there].sum()),
+        "pore_volume": layer.pore_volume,
+        "fill_time_last": float(times.max()) if np.isfinite(times).all() else None,
+    }
 
 
 def _closing(filled: FilledPart) -> dict[str, float] | None:

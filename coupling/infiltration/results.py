@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -134,6 +134,47 @@ class FilledStages(NamedTuple):
 
 
 @dataclass(frozen=True)
+class FilledLayer:
+    """How the flow medium on a part fills: at the nodes of the part, nan where there is none.
+
+    Parameters
+    ----------
+    fill : (F, N). pressure : [Pa], (F, N). resin_volume : [m3], (F, N). fill_time : [s], (N,).
+    pore_volume : of all of it [m3].
+    """
+
+    fill: np.ndarray
+    pressure: np.ndarray
+    resin_volume: np.ndarray
+    fill_time: np.ndarray
+    pore_volume: float
+
+    @classmethod
+    def of_record(
+        cls, setup: FillingSetup, record: FillingRecord, state: FillingState
+    ) -> FilledLayer | None:
+        """Take what a filling has kept of the layer; None where there is no layer."""
+        medium, count = setup.flow_medium, setup.mesh.node_count
+        if medium is None:
+            return None
+        below = medium.nodes(setup.mesh)
+
+        def spread(values: np.ndarray) -> np.ndarray:
+            found = np.full((*values.shape[:-1], count), np.nan)
+            found[..., below] = values[..., count:]
+            return found
+
+        area = float(setup.mesh.areas[medium.cells].sum())
+        return cls(
+            spread(np.stack(record.fill)),
+            spread(np.stack(record.pressure)),
+            spread(np.stack(record.resin_volume)),
+            spread(state.fill_time),
+            area * medium.thickness * medium.porosity,
+        )
+
+
+@dataclass(frozen=True)
 class FilledPart:
     """A formed part and how it fills.
 
@@ -146,6 +187,8 @@ class FilledPart:
     thickness : of the cells [m], (F, C). fibre_volume_fraction : (F, C).
     coupling : how textile and resin were brought to agree, where something presses on the part.
     stages : of the process in which it fills, None where there are none.
+    layer : the flow medium on it, None where there is none; histories, the pore volume and the
+        state hold both, the nodes and cells of the layer behind those of the part.
     state : the last one. outcome, message : why it ended (:class:`FillingResult`).
     """
 
@@ -166,6 +209,7 @@ class FilledPart:
     message: str
     coupling: History | None = None
     stages: FilledStages | None = None
+    layer: FilledLayer | None = None
 
     @classmethod
     def of_record(
@@ -174,6 +218,7 @@ class FilledPart:
     ) -> FilledPart:  # fmt: skip
         """Gather what a filling has left; ``stages`` are the names of those of its process."""
         gates, vents = len(setup.gates), len(setup.vents)
+        nodes, cells = setup.mesh.node_count, setup.mesh.cell_count
         history = FillingHistory(
             time=np.array(record.time),
             filled_share=np.array(record.filled_share),
@@ -189,15 +234,15 @@ class FilledPart:
         return cls(
             setup=setup,
             time=np.array(record.frame_time),
-            fill=np.stack(record.fill),
-            pressure=np.stack(record.pressure),
-            resin_volume=np.stack(record.resin_volume),
-            velocity=np.stack(record.velocity),
-            cure=np.stack(record.cure),
-            temperature=np.stack(record.temperature),
-            film=np.stack(record.film),
-            thickness=np.stack(record.thickness),
-            fibre_volume_fraction=np.stack(record.fibre_volume_fraction),
+            fill=np.stack(record.fill)[:, :nodes],
+            pressure=np.stack(record.pressure)[:, :nodes],
+            resin_volume=np.stack(record.resin_volume)[:, :nodes],
+            velocity=np.stack(record.velocity)[:, :cells],
+            cure=np.stack(record.cure)[:, :nodes],
+            temperature=np.stack(record.temperature)[:, :nodes],
+            film=np.stack(record.film)[:, :nodes],
+            thickness=np.stack(record.thickness)[:, :cells],
+            fibre_volume_fraction=np.stack(record.fibre_volume_fraction)[:, :cells],
             history=history,
             state=state,
             outcome=outcome,
@@ -206,6 +251,7 @@ class FilledPart:
             stages=FilledStages(
                 tuple(stages), np.array(record.frame_stage), np.array(record.stage)
             ) if stages else None,
+            layer=FilledLayer.of_record(setup, record, state),
         )  # fmt: skip
 
     @property
@@ -215,9 +261,10 @@ class FilledPart:
 
     @property
     def pore_volume(self) -> float:
-        """Volume of all pores in the end [m3]."""
+        """Volume of all pores in the end [m3], with those of a flow medium."""
         open_height = self.thickness[-1] * (1.0 - self.fibre_volume_fraction[-1])
-        return float(self.setup.mesh.areas @ open_height)
+        above = 0.0 if self.layer is None else self.layer.pore_volume
+        return float(self.setup.mesh.areas @ open_height) + above
 
     @property
     def is_pressed(self) -> bool:
@@ -229,13 +276,24 @@ class FilledPart:
     @property
     def fill_time(self) -> np.ndarray:
         """When the front passed each node [s], nan where it is dry, (N,)."""
-        return self.state.fill_time
+        return self.state.fill_time[: self.setup.mesh.node_count]
 
     @property
     def dry_spots(self) -> list[tuple[str, DrySpot]]:
-        """Pockets of air that the front closed around, the largest first, with names."""
-        spots = sorted(self.state.dry_spots, key=lambda spot: (-spot.volume, spot.time))
+        """Pockets of air that the front closed around, the largest first, with names.
+
+        Of a pocket in a flow medium the nodes below are named.
+        """
+        spots = self._spots
+        medium, count = self.setup.flow_medium, self.setup.mesh.node_count
+        if medium is not None:
+            own = np.concatenate([np.arange(count), medium.nodes(self.setup.mesh)])
+            spots = [replace(spot, nodes=np.unique(own[spot.nodes])) for spot in spots]
         return [(f"dry {number}", spot) for number, spot in enumerate(spots, start=1)]
+
+    @property
+    def _spots(self) -> list[DrySpot]:
+        return sorted(self.state.dry_spots, key=lambda spot: (-spot.volume, spot.time))
 
     @cached_property
     def left_dry(self) -> list[tuple[float, float]]:
@@ -244,13 +302,14 @@ class FilledPart:
         Compressed air keeps a bubble; without it a pocket fills as far as the time allows.
         """
         setup = self.setup
-        medium = Medium(setup.mesh, setup.preform, setup.race_tracks)
-        pores = medium.pores(self.thickness[-1])
+        mesh, preform, links = setup.layers()
+        medium = Medium(mesh, preform, setup.race_tracks, links=links)
+        still = preform.of_cells(mesh.cell_count).thickness[setup.mesh.cell_count :]
+        pores = medium.pores(np.concatenate([self.thickness[-1], still]))
         room = np.where(self.state.full, 0.0, pores - self.state.resin_volume)
-        area = room / pores * medium.node_area
+        area = room / pores * medium.sheet_area
         return [
-            (float(area[spot.nodes].sum()), float(room[spot.nodes].sum()))
-            for _, spot in self.dry_spots
+            (float(area[spot.nodes].sum()), float(room[spot.nodes].sum())) for spot in self._spots
         ]
 
 

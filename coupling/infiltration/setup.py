@@ -12,6 +12,7 @@ from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule,
 from lcmchain.coupling.infiltration.doubts import doubts
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
 from lcmchain.coupling.infiltration.film_supply import Film
+from lcmchain.coupling.infiltration.flow_medium import FlowMedium, Links
 from lcmchain.coupling.infiltration.formed_part import (
     PERMEABILITIES,
     FormedPart,
@@ -22,7 +23,11 @@ from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.permeable import require_permeable
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.resin.build import resin_of, temperature_of
-from lcmchain.coupling.infiltration.unformed_part import require_origin, with_own_permeability
+from lcmchain.coupling.infiltration.unformed_part import (
+    axes_in_plane,
+    require_origin,
+    with_own_permeability,
+)
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.places import Places, place_text
@@ -40,6 +45,7 @@ class FillingSetup:
     mesh, preform, gates, vents, race_tracks : what the filling computes with.
     wetted : rows of nodes that are full at the start. film : resin on top, if there is any.
     warnings : what a user should know before.
+    flow_medium : layer on the preform, if there is one; gates enter it where they lie on it.
     """
 
     part: FormedPart
@@ -52,6 +58,7 @@ class FillingSetup:
     wetted: np.ndarray
     film: Film | None
     warnings: tuple[str, ...]
+    flow_medium: FlowMedium | None = None
 
     @property
     def resin_density(self) -> float:
@@ -61,19 +68,46 @@ class FillingSetup:
     def filling(self) -> Filling:
         """Return the filling at its start."""
         gravity = None if self.case.gravity is None else np.array(self.case.gravity)
+        mesh, preform, links = self.layers()
+        gates, vents, wetted = self.gates, self.vents, self.wetted
+        if links is not None:
+            gates, vents, wetted = _on_layer(gates, vents, wetted, links)
         return Filling(
-            self.mesh,
-            self.preform,
+            mesh,
+            preform,
             resin_of(self.case.resin),
-            self.gates,
-            self.vents,
+            gates,
+            vents,
             temperature=temperature_of(self.case.resin),
             gravity=gravity,
-            wetted=self.wetted if len(self.wetted) else None,
+            wetted=wetted if len(wetted) else None,
             film=self.film,
             edges=self.race_tracks,
+            links=links,
             options=FillingOptions(trapped_air=self.case.trapped_air),
         )
+
+    def layers(self) -> tuple[FlowMesh, Preform, Links | None]:
+        """Mesh and preform with the flow medium, and where it lies; as they are without one."""
+        if self.flow_medium is None:
+            return self.mesh, self.preform, None
+        return self.flow_medium.layered(self.mesh, self.preform)
+
+
+def _on_layer(
+    gates: Sequence[Gate], vents: Sequence[Vent], wetted: np.ndarray, links: Links
+) -> tuple[tuple[Gate, ...], tuple[Vent, ...], np.ndarray]:
+    """Gates in the layer where they lie on it; vents and wetted places in both."""
+
+    def above(nodes: np.ndarray) -> np.ndarray:
+        return links.above[np.isin(links.below, nodes)]
+
+    moved = tuple(
+        replace(gate, nodes=np.union1d(np.setdiff1d(gate.nodes, links.below), above(gate.nodes)))
+        for gate in gates
+    )
+    both = tuple(replace(vent, nodes=np.union1d(vent.nodes, above(vent.nodes))) for vent in vents)
+    return moved, both, np.union1d(wetted, above(wetted))
 
 
 def set_up(
@@ -112,11 +146,15 @@ def set_up(
         for key, track in _keyed("race_tracks", case.race_tracks)
     )
     film = _film(case.film, places)
+    medium = _flow_medium(case.flow_medium, part, places)
+    if medium is not None:
+        medium.layered(mesh, preform)  # says what is missing
+        _require_on_one(gates, medium.nodes(mesh))
     lies = np.empty(0, dtype=np.int64)
     if film is not None:
         lies = np.flatnonzero(np.asarray(film.thickness) > 0.0)
     _require_reached(mesh, gates, vents, np.union1d(wet, lies), places)
-    setup = FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, ())
+    setup = FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, (), medium)
     return replace(setup, warnings=(*part.warnings, *mesh.warnings(), *doubts(setup, places)))
 
 
@@ -142,6 +180,8 @@ def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
         places.edges(place, key)
     for key, place in _keyed("regions", case.regions):
         places.cells_of(place, key)
+    if case.flow_medium is not None and case.flow_medium.over is not None:
+        places.cells_of(case.flow_medium.over, "flow_medium.over")
 
 
 def _places(mesh: FlowMesh, target: TargetMesh) -> Places:
@@ -239,6 +279,37 @@ def _film(film: scene.ResinFilm | None, places: Places) -> Film | None:
     if film.times is not None:
         pressure = TimeTable(np.array(film.times), np.array(film.pressure))
     return Film(thickness, pressure, film.capillary_pressure)
+
+
+def _flow_medium(
+    given: scene.FlowMedium | None, part: FormedPart, places: Places
+) -> FlowMedium | None:
+    """The flow medium on the cells of a place, or on all."""
+    if given is None:
+        return None
+    cells = np.arange(part.target.cell_count)
+    if given.over is not None:
+        cells = places.cells_of(given.over, "flow_medium.over")
+    own = given.permeability
+    try:
+        first, second = axes_in_plane(part.target, cells, np.array(own.axis), part)
+    except InputError as error:
+        raise InputError(error.message, key="flow_medium.permeability.axis") from None
+    tensor = np.einsum("ci,cj->cij", first, first) * own.k1
+    tensor += np.einsum("ci,cj->cij", second, second) * (own.ratio * own.k1)
+    return FlowMedium(cells, given.thickness, given.porosity, tensor)
+
+
+def _require_on_one(gates: Sequence[Gate], covered: np.ndarray) -> None:
+    """Refuse a round gate that lies on the flow medium and beside it."""
+    for number, gate in enumerate(gates):
+        inside = np.isin(gate.nodes, covered)
+        if gate.radius is not None and inside.any() and not inside.all():
+            raise InputError(
+                f"lies with {int(inside.sum())} of {len(gate.nodes)} nodes on the flow medium, and "
+                "a round hole has one field around it; move it, or cover all of it",
+                key=f'gates[{number}] "{gate.name}"',
+            )
 
 
 def _race_track(

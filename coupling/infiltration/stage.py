@@ -16,7 +16,7 @@ from lcmchain.coupling.infiltration.files import filling_groups, write_series, w
 from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
 from lcmchain.coupling.infiltration.film_of_front import draw_film
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
-from lcmchain.coupling.infiltration.picture import draw_fill_time, draw_pressure
+from lcmchain.coupling.infiltration.picture import draw_fill_time, draw_medium_time, draw_pressure
 from lcmchain.coupling.infiltration.report import FillingReport, filling_report
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
@@ -31,10 +31,11 @@ ENDING = "_filling"
 FILES = {
     "netcdf": ".nc", "vtu": ".vtu", "series": ".pvd", "report": ".json",
     "fill_time": "_time.png", "pressure": "_pressure.png", "curves": "_curves.png",
+    "medium_time": "_medium_time.png",
 }  # fmt: skip
 #: What a mapping adds to the title of a result.
 OF_MAPPING = ": forming fields on the"
-PICTURES = ("fill_time", "pressure", "curves")
+PICTURES = ("fill_time", "pressure", "curves", "medium_time")
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,8 @@ def fingerprint_of(setup: FillingSetup) -> dict[str, str]:
     for array in (mesh.points, mesh.cells, preform.thickness, preform.porosity,
                   preform.permeability):  # fmt: skip
         digest.update(np.ascontiguousarray(array).tobytes())
+    if setup.flow_medium is not None and preform.through_permeability is not None:
+        digest.update(preform.through_permeability.tobytes())
     for nodes in [place.nodes for place in setup.gates] + [place.nodes for place in setup.vents]:
         digest.update(nodes.tobytes())
     case = setup.case.model_dump_json(exclude={"animation"})
@@ -188,6 +191,8 @@ def _write(
         endings = {what: end for what, end in endings.items() if what not in PICTURES}
     if not options.vtu:
         endings = {what: end for what, end in endings.items() if what not in ("vtu", "series")}
+    if filled.layer is None:
+        endings.pop("medium_time", None)
     film = filled.setup.case.animation
     if options.picture and film != "none":
         endings["film"] = f".{film}"
@@ -204,6 +209,8 @@ def _write(
         tell(share, "drawing the filling")
         draw_fill_time(files["fill_time"], filled, title)
         draw_pressure(files["pressure"], filled, title)
+        if "medium_time" in files:
+            draw_medium_time(files["medium_time"], filled, title)
         draw_curves(files["curves"], filled, title)
         if "film" in files:
             draw_film(

@@ -248,8 +248,8 @@ def prime(
         return Priming(opened.number, nodes, room, filled, max(duration, least), False)
     inside = np.zeros(network.node_count, dtype=bool)
     inside[opened.gate.nodes] = True
-    first, second = network.edges.T
-    leaving = inside[first] != inside[second]
+    first, second = network.edges[: network.in_plane_count].T
+    leaving = np.flatnonzero(inside[first] != inside[second])
     outward = max(float(conductances.flow[leaving].sum()), 0.0)
     beyond = _share_beyond(network, inside)
     volume = float((beyond * pores)[nodes].sum())

@@ -176,6 +176,7 @@ class TimeStep:
         jumped = np.abs(situation.excess) > NEARLY * situation.pores
         timed = bool(jumped.any() or len(situation.air.volume) and options.trapped_air)
         timed |= situation.film is not None and len(situation.film.fed) > 0
+        timed |= _sinks(filling, state)
         if self._kept is not None and not timed and not situation.excess.any():
             stage = self._kept[1]
             return self._resting(situation, stage, min(limit, self._wish(stage, situation)))
@@ -212,11 +213,12 @@ class TimeStep:
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
         """Step in which the front crosses as many control volumes as the options say."""
-        inflow = np.maximum(stage.flow.inflow, 0.0)
+        rows, inflow = stage.flow.filling()
+        inflow = np.maximum(inflow, 0.0)
         squared = float(inflow @ inflow)
         if squared == 0.0:
             return np.inf
-        crossing = float(inflow @ situation.pores[stage.flow.front.nodes]) / squared
+        crossing = float(inflow @ situation.pores[rows]) / squared
         return self.filling.options.front_step * crossing
 
     def _moves(self, situation: Situation, stage: Stage, until: float) -> bool:
@@ -225,7 +227,7 @@ class TimeStep:
             return True
         if situation.pore_rate.any() or situation.excess.any() or situation.lift is not None:
             return True
-        turnover = np.abs(stage.flow.inflow).sum() + np.abs(stage.bled).sum()
+        turnover = np.abs(stage.flow.filling()[1]).sum() + np.abs(stage.bled).sum()
         return bool(turnover * left > NO_FLOW * situation.pores.sum())
 
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
@@ -296,6 +298,12 @@ class TimeStep:
             return 1.0
         share = (float(fill_time[new].min()) - state.time) / step
         return 1.0 if share > 0.98 else max(share, 0.02) * (1.0 + 1e-6)
+
+
+def _sinks(filling: Filling, state: FillingState) -> bool:
+    """Whether resin flows through the thickness from a flow medium, which depends on the step."""
+    links = filling.medium.network.links
+    return links is not None and bool((state.full[links.above] != state.full[links.below]).any())
 
 
 def _place(filling: Filling, stage: Stage) -> str:

@@ -51,6 +51,7 @@ def _infiltration_text(case: Infiltration) -> str:
         *(f"race track {t.name}: {1e3 * t.width:.3g} mm, {t.in_words}" for t in case.race_tracks),
         *(f"wetted {place.name}: {place.in_words}" for place in case.wetted),
         *([f"resin film: {case.film.in_words}"] if case.film is not None else []),
+        *([f"flow medium: {case.flow_medium.in_words}"] if case.flow_medium is not None else []),
         *([case.closure.in_words] if case.closure is not None else []),
         *([case.with_forming.in_words] if case.with_forming is not None else []),
         *(["gravity"] if case.gravity is not None else []),

@@ -44,6 +44,7 @@ CAPTIONS: dict[str, str] = {
 
 #: Captions of the pictures of an infiltration, by what their names end in.
 OF_FILLINGS = {
+    "_filling_medium_time": "Infiltration: lines of equal fill time in the flow medium on the part",
     "_filling_time": "Infiltration: lines of equal fill time, with gates, vents and dry spots",
     "_filling_pressure": "Infiltration: pressure of the resin shortly before the part is full",
     "_filling_curves": "Infiltration: pressure and flow rate of the gates, volumes of resin",

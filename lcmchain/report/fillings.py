@@ -21,7 +21,10 @@ def filling_in_words(report: Mapping[str, Any]) -> str:
         "trapped": f"{share} filled, the rest is trapped air, after {end}",
         "no_source": f"{share} filled when no source was left after {end}",
     }.get(report["outcome"], f"{share} filled after {end} ({report['outcome']})")
-    text += f", {1e3 * report['resin_mass']:.4g} g of resin in the part"
+    above = _share_in_layer(report) * report["resin_mass"]
+    text += f", {1e3 * (report['resin_mass'] - above):.4g} g of resin in the part"
+    if report.get("flow_medium"):
+        text += f" and {1e3 * above:.4g} g in the flow medium"
     vented = sum(vent["vented_volume"] for vent in report["vents"].values())
     if vented > 0.0:
         text += f", {1e6 * vented:.3g} ml vented"
@@ -29,6 +32,14 @@ def filling_in_words(report: Mapping[str, Any]) -> str:
     if count:
         text += f", {count} dry spot{'s' if count > 1 else ''} on the way"
     return text
+
+
+def _share_in_layer(report: Mapping[str, Any]) -> float:
+    """Share of the resin that is in the flow medium on the part."""
+    layer = report.get("flow_medium")
+    if not layer or report["resin_volume"] == 0.0:
+        return 0.0
+    return float(layer["resin_volume"] / report["resin_volume"])
 
 
 def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -49,6 +60,14 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         )
     for name, vent in report["vents"].items():
         yield f"vent {name}", f"{1e6 * vent['vented_volume']:.4g} ml of resin left"
+    layer = report.get("flow_medium")
+    if layer:
+        last = layer["fill_time_last"]
+        yield (
+            "flow medium",
+            f"{1e6 * layer['resin_volume']:.4g} of {1e6 * layer['pore_volume']:.4g} ml filled, "
+            + ("not all of it" if last is None else f"all reached after {time_in_words(last)}"),
+        )
     for name, stage in report.get("stages", {}).items():
         yield f"stage {name}", stage_in_words(stage)
     yield "largest pressure", f"{1e-5 * report['pressure_max']:.4g} bar"

@@ -31,7 +31,7 @@ from lcmchain.scene.gates import Arrival, Gate, Vent
 from lcmchain.scene.names import with_own_names
 from lcmchain.scene.over_time import Times, as_row, require_times
 from lcmchain.scene.permeability import Permeability
-from lcmchain.scene.preform import OwnPermeability, Preform
+from lcmchain.scene.preform import FlowMedium, OwnPermeability, Preform, require_cells
 from lcmchain.scene.resin import Resin
 from lcmchain.scene.with_forming import WithForming
 
@@ -63,10 +63,7 @@ class Region(NamedPlace):
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
-        if self.rim or self.loop is not None or self.boundary is not None:
-            raise wrong("takes cells: name a set, a box or a point with its radius")
-        if self.point is not None and self.radius is None:
-            raise wrong("needs the radius around the point within which cells lie", field="radius")
+        require_cells(self)
         changes = self.thickness, self.fibre_volume_fraction, self.own_permeability
         if changes == (None, None, None) and self.permeability_factor == 1.0:
             raise wrong(
@@ -169,6 +166,11 @@ class Infiltration(SceneModel):
     film: Annotated[ResinFilm | None, AbsentMeans("none")] = Field(
         default=None, description="Resin that lies on the preform at the start."
     )
+    flow_medium: Annotated[FlowMedium | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="A layer of high permeability on one face, a control volume of its own beside "
+        "the preform: resin runs ahead in it and sinks into the preform.",
+    )
     closure: Annotated[Closure | None, AbsentMeans("a mould that does not move")] = Field(
         default=None,
         description="What presses on the part while resin flows: the thickness of every cell then "
@@ -214,6 +216,8 @@ class Infiltration(SceneModel):
                         yield f"{key}.{name}", where
         if self.film is not None and self.film.over is not None:
             yield "film.over", self.film.over
+        if self.flow_medium is not None and self.flow_medium.over is not None:
+            yield "flow_medium.over", self.flow_medium.over
 
     def preset_values(self) -> dict[str, Any]:
         """Return the entries of the presets of the resin, with their names."""
@@ -234,6 +238,8 @@ class Infiltration(SceneModel):
             self._check_with_forming()
         if self.preform is not None:
             self._check_preform()
+        if self.flow_medium is not None:
+            self._check_flow_medium()
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -287,6 +293,17 @@ class Infiltration(SceneModel):
         ):
             if getattr(self, name) is not None:
                 raise wrong(f"{why}, or fill a formed part", field=name)
+
+    def _check_flow_medium(self) -> None:
+        """Refuse what is not known of a preform with a flow medium."""
+        for name, why in (
+            ("closure", "would press the layer together as well, by a law that is not known"),
+            ("with_forming", "is of resin in the blank alone"),
+            ("film", "is a layer of resin in the place of the flow medium"),
+            ("trapped_air", "does not know the air below the layer that resin closes in"),
+        ):
+            if getattr(self, name):
+                raise wrong(f"{why}; leave it or the flow_medium out", field=name)
 
     def _check_with_forming(self) -> None:
         """Refuse what makes no sense, or is not known, while the blank is formed."""

@@ -1,14 +1,15 @@
-"""Scene tables of a preform that was not formed here, and of permeabilities with axes of their own.
+"""Scene tables of what fills: a preform not formed here, permeabilities with axes, a flow medium.
 
 They stand here and not in the package that computes the flow, as those of the infiltration do.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from lcmchain.mesh.where import Where
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
@@ -17,6 +18,7 @@ from lcmchain.quantities.entry_types import (
     PermeabilityValue,
     PositiveLength,
     Range,
+    wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -34,7 +36,8 @@ class OwnPermeability(SceneModel):
         description="Direction in space of k1; it is laid into every cell along its normal.",
     )
     k3: Annotated[PermeabilityValue | None, AbsentMeans("as it was")] = Field(
-        default=None, description="Permeability through the thickness, which a film asks for."
+        default=None,
+        description="Permeability through the thickness, which a film or a flow medium asks for.",
     )
 
 
@@ -51,3 +54,50 @@ class Preform(SceneModel):
         description="What the sets of a Nastran deck list, which does not say it: a place that "
         "takes nodes then takes those of the cells.",
     )
+
+
+class FlowMedium(SceneModel):
+    """A distribution layer on one face of the preform, in which resin runs ahead."""
+
+    thickness: PositiveLength = Field(
+        description="Thickness of the layer, which is none of the part's."
+    )
+    porosity: Annotated[float, Number(0.8, Range(0.0, 1.0, (0.0, 1.0)))] = Field(
+        description="Share of the layer's volume that resin can fill."
+    )
+    permeability: OwnPermeability = Field(description="Permeability of the layer, with its axes.")
+    over: Annotated[Where | None, AbsentMeans("")] = Field(
+        default=None, description="Cells that it covers; without it the whole part."
+    )
+
+    @model_validator(mode="after")
+    def _check_layer(self) -> Self:
+        if self.over is not None:
+            require_cells(self.over, "over")
+        if self.permeability.k3 is not None:
+            raise wrong(
+                "has no meaning: the layer does not hold resin back through its thickness; k3 of "
+                "the preform counts",
+                field="permeability.k3",
+            )
+        return self
+
+    @property
+    def in_words(self) -> str:
+        """Thickness, permeability and place, for the check of a scene."""
+        where = "the whole part" if self.over is None else self.over.in_words
+        return f"{1e3 * self.thickness:.3g} mm of {self.permeability.k1:.3g} m² on {where}"
+
+
+def require_cells(where: Where, field: str | None = None) -> None:
+    """Refuse a place of which it is not clear which cells it takes.
+
+    field : of the table that the place stands in, None where it is the table.
+    """
+    if where.rim or where.loop is not None or where.boundary is not None:
+        raise wrong("takes cells: name a set, a box or a point with its radius", field=field)
+    if where.point is not None and where.radius is None:
+        raise wrong(
+            "needs the radius around the point within which cells lie",
+            field="radius" if field is None else f"{field}.radius",
+        )

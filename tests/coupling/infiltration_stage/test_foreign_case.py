@@ -221,6 +221,42 @@ def test_a_table_of_lcmsim_gives_its_parts_their_cells_and_properties(tmp_path, 
     assert "of base" not in words
 
 
+DM = "permeability_Z,thickness_DM,porosity_DM,permeability_DM,permeability_DM_Z"
+
+
+def with_layer(on, of_layer="1e-3,0.8,3e-9,1e-9", through="2e-12"):
+    """Return the table with a flow medium on the parts of these numbers."""
+    head, *rows = PARTS.replace("thickness_DM", DM).splitlines()
+    rows = [row.rpartition(",")[0] for row in rows]
+    own = {k: of_layer if k in on else "0.0,0.8,3e-9,0.0" for k in range(1, 5)}
+    return "\n".join([head, *(f"{row},{through},{own[k]}" for k, row in enumerate(rows, 1))]) + "\n"
+
+
+def test_a_flow_medium_of_lcmsim_becomes_one_here(tmp_path):
+    for on, covered in (((1, 2, 3, 4), 2 * COLUMNS * ROWS), ((3,), 4 * ROWS)):
+        found = lcmsim(tmp_path, with_layer(on))
+        case = infiltration_from_text(case_text(found))
+        setup = set_up(unformed_part(tmp_path / "strip.bdf", case.preform), case)
+        layer = setup.flow_medium
+        assert layer is not None and len(layer.cells) == covered
+        assert (layer.thickness, layer.porosity) == (1e-3, 0.8)
+        assert layer.permeability[0, 0, 0] == pytest.approx(3e-9, rel=1e-12)
+        assert setup.preform.through_permeability == pytest.approx(2e-12, rel=1e-12)
+        assert "permeability_DM_Z" in " ".join(found.told)
+
+
+def test_a_flow_medium_of_lcmsim_that_is_not_taken_over_is_told(tmp_path):
+    for parts, said in (
+        (with_layer((1, 2)), "on several parts but not on all"),
+        (with_layer((1, 2, 3, 4)).replace("2e-12,1e-3", "4e-12,1e-3", 1), "differ from part"),
+        (PARTS, "permeability_Z are needed"),
+    ):
+        found = lcmsim(tmp_path, parts)
+        assert said in " ".join(found.told) and "flow_medium]\n" not in case_text(found)
+    with pytest.raises(InputError, match="permeability_Z too"):
+        lcmsim(tmp_path, with_layer((1, 2, 3, 4), through="0.0"))
+
+
 def test_a_wrong_table_of_lcmsim_is_refused_by_name(tmp_path):
     for old, new, said in (
         ("base,base", "base,main", 'line 2: the type "main" is none of base'),
