@@ -7,7 +7,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
 from lcmchain.draping.net import (
@@ -17,39 +16,24 @@ from lcmchain.draping.net import (
     UNREACHED,
     lay_net,
     project_all,
-    unit_normal,
 )
+from lcmchain.draping.start import start_of
 from lcmchain.draping.surface import (
     ASKER,
-    DrapedSurface,
     draped_surface,
-    level,
-    stroke_direction,
     surface_in_words,
-    touching_tool,
 )
-from lcmchain.errors import InputError, SimulationError
+from lcmchain.errors import SimulationError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.fibres import shear_angles
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
-from lcmchain.tools.distance import gaps
+from lcmchain.scene.draping import FOLDED
 from lcmchain.tools.table import ToolTable, build_tool_table
 
-#: Shear angle at which bars count as lying on each other [rad].
-FOLDED = math.radians(89.0)
 #: Shear angle that is reported as locking where neither scene nor material gives one [rad].
 USUAL_LOCKING = math.radians(60.0)
-#: Nodes whose distance from a tool is the least one up to this part of the thickness touch first.
-FIRST_TOUCH = 1e-3
-#: Relative difference of distances that are the same but for rounding.
-SAME_DISTANCE = 1e-9
-#: Parts of the blank's size that the way from the seed to the surface is looked for.
-LONGEST_WAY = 20.0
-#: Steps of that search, and where it ends [parts of the edge length].
-MOST_WAYPOINTS = 2000
-ARRIVED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -168,16 +152,18 @@ def drape(
         )
     surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
-    seed = _seed(scene, blank, tools)
-    place = _place(scene, surface, tools, seed)
-    side, direction_1, direction_2 = _frame(scene, surface, blank, place)
+    begin = start_of(scene, surface, blank, tools)
     edge_length = ply.blank.edge_length
-    coordinates = fibre_coordinates(blank, seed)
+    coordinates = fibre_coordinates(blank, begin.seed)
     lines = net_lines(blank, coordinates, edge_length)
     accuracy = ACCURACY * edge_length
+    steered = np.full((lines.u.size, 3), np.nan)
+    if begin.line is not None:
+        steered = begin.line.nodes(lines.u, lines.i0)
     places, status = lay_net(
-        surface, side, tuple(place), tuple(direction_1), tuple(direction_2), lines.u, lines.v,
-        lines.i0, lines.j0, math.cos(FOLDED), accuracy,
+        surface, begin.side, tuple(begin.place), tuple(begin.direction_1),
+        tuple(begin.direction_2), lines.u, lines.v, lines.i0, lines.j0, math.cos(FOLDED), accuracy,
+        steered,
     )  # fmt: skip
     positions, between = places_between(lines, places, coordinates, edge_length)
     inside = positions[between]
@@ -187,8 +173,8 @@ def drape(
         mesh=MidSurfaceMesh.of_blank(blank),
         positions=positions,
         surface=surface_in_words(scene, surface),
-        seed=seed,
-        place=place,
+        seed=begin.seed,
+        place=begin.place,
         net_places=places,
         net_status=status,
         net_lengths=(np.diff(lines.u), np.diff(lines.v)),
@@ -203,102 +189,3 @@ def _locking_angle(scene: Scene) -> float:
         return scene.draping.locking_angle
     membrane = getattr(scene.only_ply(ASKER).material, "membrane", None)
     return getattr(membrane, "locking_angle", None) or USUAL_LOCKING
-
-
-def _seed(scene: Scene, blank: BlankMesh, tools: ToolTable) -> np.ndarray:
-    """Return the material point [m] (2,) where the net begins."""
-    if scene.draping.seed is not None:
-        return np.array(scene.draping.seed)
-    nodes = blank.mid_surface_positions
-    tool = touching_tool(scene, tools)
-    if tool is None:
-        return 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))[:2]
-    distance = gaps(tools, tool, np.ascontiguousarray(nodes), 0.0)
-    least = distance.min() + FIRST_TOUCH * scene.only_ply(ASKER).thickness
-    first = nodes[distance < least]
-    middle = first.mean(axis=0)
-    if gaps(tools, tool, middle[None], 0.0)[0] < least:
-        return middle[:2]
-    return _nearest(first, middle)[:2]
-
-
-def _nearest(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return the node nearest to a point; of several as near, the first by number."""
-    away = np.linalg.norm(nodes - point, axis=1)
-    # rounding must not choose between places that a symmetric tool touches at once
-    return nodes[np.argmax(away <= away.min() * (1.0 + SAME_DISTANCE))]
-
-
-def _place(scene: Scene, surface: DrapedSurface, tools: ToolTable, seed: np.ndarray) -> np.ndarray:
-    """Return the place of the seed on the surface [m] (3,)."""
-    accuracy = ACCURACY * scene.only_ply(ASKER).blank.edge_length
-    if scene.draping.place is not None:
-        point = np.array([scene.draping.place])
-        project_all(surface, point, accuracy)
-        if not np.isfinite(point).all():
-            raise InputError(
-                "has no nearest point of the surface; give a place nearer to it",
-                key="draping.place",
-            )
-        return point[0]
-    start = np.append(seed, scene.only_ply(ASKER).blank.height)
-    ahead = stroke_direction(scene, tools)
-    for direction in (ahead, -ahead):
-        point = _along(surface, start, direction, scene)[None]
-        project_all(surface, point, accuracy)
-        if np.isfinite(point).all():
-            return point[0]
-    raise InputError(
-        f"{millimetres(start, 1)} of the flat blank has no place on the surface along the stroke; "
-        "give another seed, or draping.place",
-        key="draping.seed",
-    )
-
-
-def _along(
-    surface: DrapedSurface, start: np.ndarray, direction: np.ndarray, scene: Scene
-) -> np.ndarray:
-    """Return where a ray first meets the surface, or nan; steps are as long as the distance."""
-
-    def level_at(way: float) -> float:
-        return level(surface, *(start + way * direction))[0]
-
-    way, found = 0.0, level_at(0.0)
-    blank = scene.only_ply(ASKER).blank
-    longest = LONGEST_WAY * max(blank.extent) + abs(surface.travel)
-    for _ in range(MOST_WAYPOINTS):
-        if abs(found) < ARRIVED * blank.edge_length:
-            return start + way * direction
-        step = abs(found)
-        ahead = level_at(way + step)
-        if ahead * found < 0.0:  # rounded edges make the level longer than the distance
-            return start + brentq(level_at, way, way + step) * direction
-        way, found = way + step, ahead
-        if way > longest:
-            break
-    return np.full(3, np.nan)
-
-
-def _frame(
-    scene: Scene, surface: DrapedSurface, blank: BlankMesh, place: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the side of the sheet's upper face, and both fibre directions at the seed.
-
-    Fibre 1 keeps its direction as far as the tangent plane has it; fibre 2 is perpendicular.
-    """
-    gradient = np.array(unit_normal(surface, 1.0, tuple(place)))
-    side = -1.0 if gradient[2] < 0.0 else 1.0
-    normal = side * gradient
-    fibre = blank.fibre_direction_1[0]
-    tangent = fibre - (fibre @ normal) * normal
-    size = np.linalg.norm(tangent)
-    if size < 1e-6 or not normal.any():
-        raise InputError(
-            f"the surface at {millimetres(place, 1)} is perpendicular to fibre 1: its direction is "
-            "not known there; give another seed",
-            key="draping.seed",
-        )
-    tangent /= size
-    across = np.cross(normal, tangent)
-    cosine, sine = math.cos(scene.draping.angle), math.sin(scene.draping.angle)
-    return side, cosine * tangent + sine * across, cosine * across - sine * tangent

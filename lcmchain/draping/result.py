@@ -72,18 +72,20 @@ def draping_summary(scene: Scene, draped: Draped, datasets: dict[str, xr.Dataset
     return found | {
         "step_count": 0,
         "wall_s": draped.wall_s,
-        "draping": draped_in_numbers(draped),
+        "draping": draped_in_numbers(scene, draped),
         "warnings": field_warnings(datasets["/"], scene.only_ply(ASKER).material.build()),
         "mapping": {},
     }
 
 
-def draped_in_numbers(draped: Draped) -> dict[str, Any]:
-    """Return seed, surface and locking of a net in plain values."""
+def draped_in_numbers(scene: Scene, draped: Draped) -> dict[str, Any]:
+    """Return seed, surface, start and locking of a net in plain values."""
     return {
         "surface": draped.surface,
         "seed_m": draped.seed.tolist(),
         "seed_place_m": draped.place.tolist(),
+        "pre_shear_rad": scene.draping.pre_shear,
+        "steered": scene.draping.start_line is not None,
         "net_nodes": int(draped.net_status.size),
         "locking_angle_rad": draped.locking_angle,
         "locked_part_of_area": draped.locked_part(),

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
@@ -14,8 +15,30 @@ from lcmchain.quantities.entry_types import (
     Name,
     PointInPlane,
     Position,
+    Quantity,
+    Range,
+    Row,
+    wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import ANGLE
+
+#: Shear angle at which the bars of a net count as lying on each other [rad].
+FOLDED = math.radians(89.0)
+
+PreShear = Annotated[
+    float,
+    Quantity(ANGLE, Range(-FOLDED, FOLDED, (-FOLDED, FOLDED), "lie between -89 and 89 deg")),
+]
+StartLine = Annotated[
+    tuple[Position, ...],
+    Row(
+        '[["-50 mm", "0 mm", "0 mm"], ["0 mm", "5 mm", "0 mm"], ["50 mm", "0 mm", "0 mm"]]',
+        minimum_count=2,
+        entries="points",
+        units=False,
+    ),
+]
 
 
 class Draping(SceneModel):
@@ -36,6 +59,16 @@ class Draping(SceneModel):
         description="Turn of the net about the surface normal at the seed, from the direction of "
         "fibre 1 in the flat blank.",
     )
+    pre_shear: PreShear = Field(  # type: ignore[assignment]
+        default="0 deg",
+        description="Shear angle that the net begins with: fibre 2 lies 90 deg less this one from "
+        "fibre 1 at the seed.",
+    )
+    start_line: Annotated[StartLine | None, AbsentMeans("a geodesic from the seed")] = Field(
+        default=None,
+        description="Points [x, y, z] of a curve that the line along fibre 1 through the seed "
+        "follows, in the direction of fibre 1; each the nearest point of the surface.",
+    )
     edge_radius: Annotated[
         LengthOrZero | None,
         AbsentMeans("fillet_radius of the tools and half the thickness, else blank.edge_length"),
@@ -44,3 +77,12 @@ class Draping(SceneModel):
         AcuteAngle | None, AbsentMeans("material.membrane.locking_angle, else 60 deg")
     ] = Field(default=None, description="Shear angle above which the report counts the net as "
               "locked.")  # fmt: skip
+
+    @model_validator(mode="after")
+    def _check_start(self) -> Self:
+        if self.start_line is not None and self.angle != 0.0:
+            raise wrong(
+                "turns the net, whose direction start_line gives; leave one of them out",
+                field="angle",
+            )
+        return self
