@@ -8,15 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
-from lcmchain.draping.net import (
-    ACCURACY,
-    LOCKED,
-    PLACED,
-    UNREACHED,
-    lay_net,
-    project_all,
-)
+from lcmchain.draping.courses import lay_courses
+from lcmchain.draping.laid import LaidNet, joined, lay
+from lcmchain.draping.net import LOCKED, PLACED, UNREACHED
 from lcmchain.draping.start import start_of
 from lcmchain.draping.surface import (
     ASKER,
@@ -38,29 +32,52 @@ USUAL_LOCKING = math.radians(60.0)
 
 @dataclass(frozen=True)
 class Draped:
-    """A draped blank.
+    """A draped blank: one net, or one of each course of the ply.
 
-    mesh : undeformed mid-surface.
+    nets : in the order of the courses.
+    mesh : undeformed mid-surface, that of all nets as one, without common nodes.
     positions : of its nodes [m] (node_count, 3), nan without a place.
     surface : what it lies on, in words. seed : material point of the flat blank [m] (2,).
-    place : of the seed [m] (3,).
-    net_places : of the net [m] (U, V, 3); net_status : what became of its nodes (U, V);
-    net_lengths : of the bars along fibre 1 (U - 1,) and 2 (V - 1,) [m].
+    place : of the seed [m] (3,). of several courses, both are what they are reckoned from.
     tools : of the scene. locking_angle : above which the net counts as locked [rad].
     wall_s : time of laying the net and placing the mesh on it [s].
     """
 
+    nets: tuple[LaidNet, ...]
     mesh: MidSurfaceMesh
     positions: np.ndarray
     surface: str
     seed: np.ndarray
     place: np.ndarray
-    net_places: np.ndarray
-    net_status: np.ndarray
-    net_lengths: tuple[np.ndarray, np.ndarray]
     tools: ToolTable
     locking_angle: float
     wall_s: float
+
+    @property
+    def courses(self) -> tuple[LaidNet, ...]:
+        """The nets of the courses; empty where the ply is one piece."""
+        return self.nets if self.nets[0].strip is not None else ()
+
+    @property
+    def course_of_face(self) -> np.ndarray:
+        """Number of the net that each face belongs to, from 0 (element_count,)."""
+        counts = [net.mesh.element_count for net in self.nets]
+        return np.repeat(np.arange(len(self.nets)), counts)
+
+    @property
+    def net_places(self) -> np.ndarray:
+        """Places of the first net [m] (U, V, 3)."""
+        return self.nets[0].net_places
+
+    @property
+    def net_status(self) -> np.ndarray:
+        """What became of the nodes of the first net (U, V)."""
+        return self.nets[0].net_status
+
+    @property
+    def net_lengths(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of the bars of the first net along fibre 1 (U - 1,) and 2 (V - 1,) [m]."""
+        return self.nets[0].net_lengths
 
     @property
     def shear_angle(self) -> np.ndarray:
@@ -98,19 +115,22 @@ class Draped:
         """Say where the net ended and why; None where every node has a place."""
         if self.is_whole:
             return None
-        absent = ~np.isfinite(self.positions).all(axis=1)
-        first = self.mesh.node_positions[absent][:, :2] - self.seed
-        nearest = self.mesh.node_positions[absent][np.argmin(np.linalg.norm(first, axis=1))]
-        ended = self.net_status[(self.net_status != PLACED) & (self.net_status != UNREACHED)]
+        net = next(net for net in self.nets if not np.isfinite(net.positions).all())
+        absent = ~np.isfinite(net.positions).all(axis=1)
+        first = net.mesh.node_positions[absent][:, :2] - net.start.seed
+        nearest = net.mesh.node_positions[absent][np.argmin(np.linalg.norm(first, axis=1))]
+        ended = net.net_status[(net.net_status != PLACED) & (net.net_status != UNREACHED)]
         locked = bool((ended == LOCKED).any()) and float((ended == LOCKED).mean()) >= 0.5
         why = (
             f"its bars lie on each other there (more than {math.degrees(FOLDED):.0f} deg of shear)"
             if locked
             else "no place on the surface is a bar away from both neighbours"
         )
+        of_course = "" if net.strip is None else f'course "{net.name}", '
         return (
-            f"the net of {self.surface} ends at the point {millimetres(nearest, 1)} of the flat "
-            f"blank: {why}; {int(absent.sum()):,} of {self.mesh.node_count:,} nodes have no place"
+            f"{of_course}the net of {self.surface} ends at the point {millimetres(nearest, 1)} of "
+            f"the flat blank: {why}; {int(absent.sum()):,} of {net.mesh.node_count:,} nodes have "
+            "no place"
         )
 
     def require_whole(self) -> None:
@@ -153,31 +173,17 @@ def drape(
     surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
     begin = start_of(scene, surface, blank, tools)
-    edge_length = ply.blank.edge_length
-    coordinates = fibre_coordinates(blank, begin.seed)
-    lines = net_lines(blank, coordinates, edge_length)
-    accuracy = ACCURACY * edge_length
-    steered = np.full((lines.u.size, 3), np.nan)
-    if begin.line is not None:
-        steered = begin.line.nodes(lines.u, lines.i0)
-    places, status = lay_net(
-        surface, begin.side, tuple(begin.place), tuple(begin.direction_1),
-        tuple(begin.direction_2), lines.u, lines.v, lines.i0, lines.j0, math.cos(FOLDED), accuracy,
-        steered,
-    )  # fmt: skip
-    positions, between = places_between(lines, places, coordinates, edge_length)
-    inside = positions[between]
-    project_all(surface, inside, accuracy)
-    positions[between] = inside
+    if scene.draping.courses:
+        nets = lay_courses(scene, surface, begin)
+    else:
+        nets = (lay(surface, blank, begin, ply.blank.edge_length, ply.name),)
     return Draped(
-        mesh=MidSurfaceMesh.of_blank(blank),
-        positions=positions,
+        nets=nets,
+        mesh=joined([net.mesh for net in nets]),
+        positions=np.concatenate([net.positions for net in nets]),
         surface=surface_in_words(scene, surface),
         seed=begin.seed,
         place=begin.place,
-        net_places=places,
-        net_status=status,
-        net_lengths=(np.diff(lines.u), np.diff(lines.v)),
         tools=tools,
         locking_angle=_locking_angle(scene),
         wall_s=time.perf_counter() - start,

@@ -8,6 +8,7 @@ line takes the place of the geodesic along fibre 1: the nodes lie on a given cur
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +67,10 @@ def start_of(scene: Scene, surface: DrapedSurface, blank: BlankMesh, tools: Tool
         edge_length = scene.only_ply(ASKER).blank.edge_length
         line = SteeredLine.through(surface, scene.draping.start_line, place, edge_length)
         place = line.place
-    return NetStart(seed, place, *_frame(scene, surface, blank, place, line), line)
+    fibre = blank.fibre_direction_1[0] if line is None else line.tangent
+    draping = scene.draping
+    frame = tangent_frame(surface, place, fibre, draping.angle, draping.pre_shear)
+    return NetStart(seed, place, *frame, line)
 
 
 def seed_of(scene: Scene, blank: BlankMesh, tools: ToolTable) -> np.ndarray:
@@ -99,14 +103,8 @@ def place_of(
     """Return the place of the seed on the surface [m] (3,)."""
     accuracy = ACCURACY * scene.only_ply(ASKER).blank.edge_length
     if scene.draping.place is not None:
-        point = np.array([scene.draping.place])
-        project_all(surface, point, accuracy)
-        if not np.isfinite(point).all():
-            raise InputError(
-                "has no nearest point of the surface; give a place nearer to it",
-                key="draping.place",
-            )
-        return point[0]
+        edge_length = scene.only_ply(ASKER).blank.edge_length
+        return nearest_place(surface, scene.draping.place, edge_length, "draping.place")
     start = np.append(seed, scene.only_ply(ASKER).blank.height)
     ahead = stroke_direction(scene, tools)
     for direction in (ahead, -ahead):
@@ -119,6 +117,22 @@ def place_of(
         "give another seed, or draping.place",
         key="draping.seed",
     )
+
+
+def nearest_place(
+    surface: DrapedSurface, place: Sequence[float], edge_length: float, key: str
+) -> np.ndarray:
+    """Return the point of the surface nearest to a place [m] (3,).
+
+    Raises
+    ------
+    InputError : there is none; names the entry.
+    """
+    point = np.array([place], dtype=float)
+    project_all(surface, point, ACCURACY * edge_length)
+    if not np.isfinite(point).all():
+        raise InputError("has no nearest point of the surface; give a place nearer to it", key=key)
+    return point[0]
 
 
 def _along(
@@ -145,32 +159,41 @@ def _along(
     return np.full(3, np.nan)
 
 
-def _frame(
-    scene: Scene,
+def tangent_frame(
     surface: DrapedSurface,
-    blank: BlankMesh,
     place: np.ndarray,
-    line: SteeredLine | None,
+    fibre: np.ndarray,
+    angle: float,
+    pre_shear: float,
+    key: str = "draping.seed",
 ) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the side of the sheet's upper face, and both fibre directions at the seed."""
+    """Return the side of the sheet's upper face, and both fibre directions at the seed.
+
+    Parameters
+    ----------
+    fibre : direction that fibre 1 has in the tangent plane as far as that has it (3,).
+    angle : turn of the net about the normal from there [rad]. pre_shear : of the net [rad].
+
+    Raises
+    ------
+    InputError : the surface is perpendicular to the fibre.
+    """
     gradient = np.array(unit_normal(surface, 1.0, tuple(place)))
     side = -1.0 if gradient[2] < 0.0 else 1.0
     normal = side * gradient
-    fibre = blank.fibre_direction_1[0] if line is None else line.tangent
     tangent = fibre - (fibre @ normal) * normal
     size = np.linalg.norm(tangent)
     if size < 1e-6 or not normal.any():
         raise InputError(
             f"the surface at {millimetres(place, 1)} is perpendicular to fibre 1: its direction is "
             "not known there; give another seed",
-            key="draping.seed",
+            key=key,
         )
     tangent /= size
     across = np.cross(normal, tangent)
-    first = scene.draping.angle
-    second = first - scene.draping.pre_shear
+    second = angle - pre_shear
     return (
         side,
-        math.cos(first) * tangent + math.sin(first) * across,
+        math.cos(angle) * tangent + math.sin(angle) * across,
         math.cos(second) * across - math.sin(second) * tangent,
     )
