@@ -52,18 +52,24 @@ class Joint:
         """Say how wide the joint is."""
         if self.extremes is None:
             return "the edges are not beside each other"
-        least, most = (1e3 * gap for gap in self.extremes)
-        flat = f", {_width(1e3 * self.nominal)} in the flat blank"
-        if _width(least) == _width(most):
-            return _width(most) + flat
-        return f"from {_width(least)} to {_width(most)}{flat}"
+        flat = f"; {_from_to(self.nominal, self.nominal)} in the flat blank"
+        return _from_to(*self.extremes) + flat
 
 
-def _width(gap: float) -> str:
-    """Say a gap [mm] in words."""
-    if f"{abs(gap):.2f}" == "0.00":
+def _from_to(least: float, most: float) -> str:
+    """Say gaps [m] in words, in mm; negative ones are overlaps."""
+    low, high = round(1e3 * least, 2) + 0.0, round(1e3 * most, 2) + 0.0
+    if low == high == 0.0:
         return "butt joint"
-    return f"{abs(gap):.2f} mm {'gap' if gap > 0.0 else 'overlap'}"
+    if low < 0.0 < high:
+        return f"overlap up to {-low:.2f} mm and gap up to {high:.2f} mm"
+    what, first, last = ("gap", low, high) if high > 0.0 else ("overlap", -high, -low)
+    first, last = sorted((first + 0.0, last + 0.0))
+    if first == 0.0:
+        return f"{what} up to {last:.2f} mm"
+    if first == last:
+        return f"{what} of {first:.2f} mm"
+    return f"{what} of {first:.2f} to {last:.2f} mm"
 
 
 def joints_of(draped: Draped) -> list[Joint]:

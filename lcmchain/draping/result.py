@@ -70,11 +70,11 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
 def _with_courses(sheet: xr.Dataset, draped: Draped) -> xr.Dataset:
     """Add the number of the course to every face, and the gap of the joints to their nodes."""
     flags = np.arange(len(draped.courses), dtype=np.int32)
-    gap = np.full(draped.mesh.node_count, np.nan)
+    gap = np.full((2, draped.mesh.node_count), np.nan)
     for joint in joints_of(draped):
-        gap[joint.nodes] = joint.gap
+        gap[0, joint.nodes], gap[1, joint.nodes] = joint.nominal, joint.gap
     course = SHEET_MESH.on_cells(
-        draped.course_of_face.astype(np.int32),
+        np.tile(draped.course_of_face.astype(np.int32), (2, 1)),
         {
             "long_name": "course of the ply that the face belongs to",
             "units": "1",
@@ -87,7 +87,7 @@ def _with_courses(sheet: xr.Dataset, draped: Draped) -> xr.Dataset:
         {
             "long_name": "gap between courses",
             "units": "m",
-            "comment": "of the formed sheet, on the upper edge of each course: distance to the "
+            "comment": "on the upper edge of each course: distance to the "
             "edge of the next one, negative where they overlap; not a number elsewhere",
         },
     )
