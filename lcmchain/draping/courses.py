@@ -87,7 +87,7 @@ def _part_of(ply: PlySettings, course: Course, key: str) -> shapely.Polygon:
     box = shapely.Polygon(np.array(corners)[[0, 2, 3, 1]] @ axes)
     part = whole.intersection(box)
     if not isinstance(part, shapely.Polygon) or part.is_empty or part.interiors:
-        what = "no piece" if part.is_empty else "several pieces"
+        what = "no piece" if part.area == 0.0 else "several pieces"
         raise InputError(
             f"cuts {what} of the blank; a course is one piece, and lies between two distances "
             "from the origin along fibre 2",
