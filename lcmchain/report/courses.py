@@ -101,11 +101,11 @@ def draw_courses(path: Path | str, sheet: xr.Dataset, frame: int = -1) -> None:
         right.set_title("from above, gaps at the joints", color=FAINT, loc="left")
         for number, name in enumerate(names):
             middle = points[faces[numbers == number]].mean(axis=(0, 1))
-            right.text(*middle[:2], name, ha="center", va="center", fontsize=8, color=INK)
+            right.text(middle[0], middle[1], name, ha="center", va="center", fontsize=8, color=INK)
         colours = colour_scale(gaps[known], GAP)
         right.scatter(
-            *points[known, :2].T, s=14.0, c=colours.to_rgba(gaps[known]), edgecolors=INK,
-            linewidths=0.25, zorder=4,
+            points[known, 0], points[known, 1], s=14.0, c=colours.to_rgba(gaps[known]),
+            edgecolors=INK, linewidths=0.25, zorder=4,
         )  # fmt: skip
         if known.any():
             draw_colour_bar(figure, bar, colours, gaps[known], GAP)

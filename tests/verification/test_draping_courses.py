@@ -274,7 +274,8 @@ def test_wrong_courses_are_refused_by_name(entries, key, words):
 def test_resin_does_not_cross_joints_and_such_a_filling_is_refused():
     filling = (
         'permeability={law="gebart", fibre_radius="3.5 um"}',
-        'infiltration={resin={law="constant", viscosity="0.1 Pa*s"}, time="1 s", vents=[{rim=true}], gates=[{name="in", pressure="1 bar", '
+        'infiltration={resin={law="constant", viscosity="0.1 Pa*s"}, time="1 s", '
+        'vents=[{name="out", rim=true}], gates=[{name="in", pressure="1 bar", '
         'box=[["-31 mm", "-25 mm", "-9 mm"], ["-29 mm", "25 mm", "9 mm"]]}]}',
     )
     scene(PLATE, *filling)  # a ply of one piece is filled
