@@ -35,7 +35,7 @@ SAME_EDGE = 1e-12
 
 PreShear = Annotated[
     float,
-    Quantity(ANGLE, Range(-FOLDED, FOLDED, (-FOLDED, FOLDED), "lie between -89 and 89 deg")),
+    Quantity(ANGLE, Range(-FOLDED, FOLDED, (-FOLDED, FOLDED), "be above -89 and below 89 deg")),
 ]
 StartLine = Annotated[
     tuple[Position, ...],

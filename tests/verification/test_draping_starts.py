@@ -182,7 +182,7 @@ def test_the_seed_comes_to_lie_on_the_line_and_fibre_2_across_it():
 @pytest.mark.parametrize(
     ("entries", "key", "words"),
     [
-        (["draping.pre_shear=89 deg"], "draping.pre_shear", "between -89 and 89 deg"),
+        (["draping.pre_shear=89 deg"], "draping.pre_shear", "above -89 and below 89 deg"),
         (["draping.pre_shear=20"], "draping.pre_shear", "has no unit"),
         (['draping.start_line=[["0 mm", "0 mm", "0 mm"]]'], "draping.start_line", "at least 2"),
         (
