@@ -519,9 +519,11 @@ class _DrapingJob(_Job):
         """Write the fields of the draped blank."""
         from lcmchain.coupling.forming_fields import with_permeability
         from lcmchain.draping.result import draped_datasets, draping_summary, locking_warnings
+        from lcmchain.pattern.draped import write_draped_files
 
         datasets = with_permeability(self.scene, draped_datasets(self.scene, self.draped))
         _write_datasets(self.scene, datasets, self.folder)
+        write_draped_files(self.folder, self.draped)
         found = draping_summary(self.scene, self.draped, datasets)
         warnings = [*self.warnings, *locking_warnings(self.draped), *found["warnings"]]
         self.summary |= found | {

@@ -12,6 +12,8 @@ from lcmchain.scene import Scene
 
 #: Files that a run writes under names of its own; each mapping adds files of its name.
 OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
+#: Tables of a draped ply and of the joints of its courses, and what a course's pattern begins with.
+PLY_TABLE, JOINT_TABLE, COURSE_FILE = "draping.csv", "joints.csv", "course_"
 MAPPED_SUFFIXES = (".nc", ".vtu", ".png", ".json")
 STRUCTURAL_ENDINGS = tuple(
     f"_calculix{ending}"
@@ -57,7 +59,19 @@ def expected_files(scene: Scene) -> list[str]:
             *([f"_filling.{case.animation}"] if case.animation != "none" else []),
         )
     ]
-    return [*OWN_FILES, *mapped, *analysed, *filled]
+    return [*OWN_FILES, *_draped_files(scene), *mapped, *analysed, *filled]
+
+
+def _draped_files(scene: Scene) -> list[str]:
+    """Return what a run writes beside the fields where the blank is draped."""
+    if scene.element.has_forces:
+        return []
+    patterns = [
+        f"{COURSE_FILE}{course.name}.{end}"
+        for course in scene.draping.courses
+        for end in ("csv", "dxf")
+    ]
+    return [PLY_TABLE, *([JOINT_TABLE] if patterns else []), *patterns]
 
 
 def require_free_names(scene: Scene) -> None:

@@ -12,6 +12,7 @@ from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import effect_table, preview_table, scene_tables
 from lcmchain.draping import Draped, drape, is_drapable
+from lcmchain.draping.joints import joints_of
 from lcmchain.draping.result import draping_effect, locking_warnings
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -138,6 +139,8 @@ def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
     locking = math.degrees(draped.locking_angle)
     part = max(draped.locked_part() - unplaced, 0.0)
     yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part > 1e-12 else "nothing"
+    for joint in joints_of(draped):
+        yield f"joint of {joint.below} and {joint.above}", joint.in_words()
     if missing is not None:
         yield "not laid", f"{unplaced:.1%} of the area: {missing}"
     yield LAID_IN, f"{1e3 * draped.wall_s:.0f} ms"

@@ -7,76 +7,77 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
-from lcmchain.draping.net import (
-    ACCURACY,
-    LOCKED,
-    PLACED,
-    UNREACHED,
-    lay_net,
-    project_all,
-    unit_normal,
-)
+from lcmchain.draping.courses import lay_courses
+from lcmchain.draping.laid import LaidNet, joined, lay
+from lcmchain.draping.net import LOCKED, PLACED, UNREACHED
+from lcmchain.draping.start import start_of
 from lcmchain.draping.surface import (
     ASKER,
-    DrapedSurface,
     draped_surface,
-    level,
-    stroke_direction,
     surface_in_words,
-    touching_tool,
 )
-from lcmchain.errors import InputError, SimulationError
+from lcmchain.errors import SimulationError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.fibres import shear_angles
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
-from lcmchain.tools.distance import gaps
+from lcmchain.scene.draping import FOLDED
 from lcmchain.tools.table import ToolTable, build_tool_table
 
-#: Shear angle at which bars count as lying on each other [rad].
-FOLDED = math.radians(89.0)
 #: Shear angle that is reported as locking where neither scene nor material gives one [rad].
 USUAL_LOCKING = math.radians(60.0)
-#: Nodes whose distance from a tool is the least one up to this part of the thickness touch first.
-FIRST_TOUCH = 1e-3
-#: Relative difference of distances that are the same but for rounding.
-SAME_DISTANCE = 1e-9
-#: Parts of the blank's size that the way from the seed to the surface is looked for.
-LONGEST_WAY = 20.0
-#: Steps of that search, and where it ends [parts of the edge length].
-MOST_WAYPOINTS = 2000
-ARRIVED = 1e-6
 
 
 @dataclass(frozen=True)
 class Draped:
-    """A draped blank.
+    """A draped blank: one net, or one of each course of the ply.
 
-    mesh : undeformed mid-surface.
+    nets : in the order of the courses.
+    mesh : undeformed mid-surface, that of all nets as one, without common nodes.
     positions : of its nodes [m] (node_count, 3), nan without a place.
     surface : what it lies on, in words. seed : material point of the flat blank [m] (2,).
-    place : of the seed [m] (3,).
-    net_places : of the net [m] (U, V, 3); net_status : what became of its nodes (U, V);
-    net_lengths : of the bars along fibre 1 (U - 1,) and 2 (V - 1,) [m].
+    place : of the seed [m] (3,). of several courses, both are what they are reckoned from.
     tools : of the scene. locking_angle : above which the net counts as locked [rad].
     wall_s : time of laying the net and placing the mesh on it [s].
     """
 
+    nets: tuple[LaidNet, ...]
     mesh: MidSurfaceMesh
     positions: np.ndarray
     surface: str
     seed: np.ndarray
     place: np.ndarray
-    net_places: np.ndarray
-    net_status: np.ndarray
-    net_lengths: tuple[np.ndarray, np.ndarray]
     tools: ToolTable
     locking_angle: float
     wall_s: float
+
+    @property
+    def courses(self) -> tuple[LaidNet, ...]:
+        """The nets of the courses; empty where the ply is one piece."""
+        return self.nets if self.nets[0].strip is not None else ()
+
+    @property
+    def course_of_face(self) -> np.ndarray:
+        """Number of the net that each face belongs to, from 0 (element_count,)."""
+        counts = [net.mesh.element_count for net in self.nets]
+        return np.repeat(np.arange(len(self.nets)), counts)
+
+    @property
+    def net_places(self) -> np.ndarray:
+        """Places of the first net [m] (U, V, 3)."""
+        return self.nets[0].net_places
+
+    @property
+    def net_status(self) -> np.ndarray:
+        """What became of the nodes of the first net (U, V)."""
+        return self.nets[0].net_status
+
+    @property
+    def net_lengths(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lengths of the bars of the first net along fibre 1 (U - 1,) and 2 (V - 1,) [m]."""
+        return self.nets[0].net_lengths
 
     @property
     def shear_angle(self) -> np.ndarray:
@@ -114,19 +115,22 @@ class Draped:
         """Say where the net ended and why; None where every node has a place."""
         if self.is_whole:
             return None
-        absent = ~np.isfinite(self.positions).all(axis=1)
-        first = self.mesh.node_positions[absent][:, :2] - self.seed
-        nearest = self.mesh.node_positions[absent][np.argmin(np.linalg.norm(first, axis=1))]
-        ended = self.net_status[(self.net_status != PLACED) & (self.net_status != UNREACHED)]
+        net = next(net for net in self.nets if not np.isfinite(net.positions).all())
+        absent = ~np.isfinite(net.positions).all(axis=1)
+        first = net.mesh.node_positions[absent][:, :2] - net.start.seed
+        nearest = net.mesh.node_positions[absent][np.argmin(np.linalg.norm(first, axis=1))]
+        ended = net.net_status[(net.net_status != PLACED) & (net.net_status != UNREACHED)]
         locked = bool((ended == LOCKED).any()) and float((ended == LOCKED).mean()) >= 0.5
         why = (
             f"its bars lie on each other there (more than {math.degrees(FOLDED):.0f} deg of shear)"
             if locked
             else "no place on the surface is a bar away from both neighbours"
         )
+        of_course = "" if net.strip is None else f'course "{net.name}", '
         return (
-            f"the net of {self.surface} ends at the point {millimetres(nearest, 1)} of the flat "
-            f"blank: {why}; {int(absent.sum()):,} of {self.mesh.node_count:,} nodes have no place"
+            f"{of_course}the net of {self.surface} ends at the point {millimetres(nearest, 1)} of "
+            f"the flat blank: {why}; {int(absent.sum()):,} of {net.mesh.node_count:,} nodes have "
+            "no place"
         )
 
     def require_whole(self) -> None:
@@ -168,30 +172,18 @@ def drape(
         )
     surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
-    seed = _seed(scene, blank, tools)
-    place = _place(scene, surface, tools, seed)
-    side, direction_1, direction_2 = _frame(scene, surface, blank, place)
-    edge_length = ply.blank.edge_length
-    coordinates = fibre_coordinates(blank, seed)
-    lines = net_lines(blank, coordinates, edge_length)
-    accuracy = ACCURACY * edge_length
-    places, status = lay_net(
-        surface, side, tuple(place), tuple(direction_1), tuple(direction_2), lines.u, lines.v,
-        lines.i0, lines.j0, math.cos(FOLDED), accuracy,
-    )  # fmt: skip
-    positions, between = places_between(lines, places, coordinates, edge_length)
-    inside = positions[between]
-    project_all(surface, inside, accuracy)
-    positions[between] = inside
+    begin = start_of(scene, surface, blank, tools)
+    if scene.draping.courses:
+        nets = lay_courses(scene, surface, begin)
+    else:
+        nets = (lay(surface, blank, begin, ply.blank.edge_length, ply.name),)
     return Draped(
-        mesh=MidSurfaceMesh.of_blank(blank),
-        positions=positions,
+        nets=nets,
+        mesh=joined([net.mesh for net in nets]),
+        positions=np.concatenate([net.positions for net in nets]),
         surface=surface_in_words(scene, surface),
-        seed=seed,
-        place=place,
-        net_places=places,
-        net_status=status,
-        net_lengths=(np.diff(lines.u), np.diff(lines.v)),
+        seed=begin.seed,
+        place=begin.place,
         tools=tools,
         locking_angle=_locking_angle(scene),
         wall_s=time.perf_counter() - start,
@@ -203,102 +195,3 @@ def _locking_angle(scene: Scene) -> float:
         return scene.draping.locking_angle
     membrane = getattr(scene.only_ply(ASKER).material, "membrane", None)
     return getattr(membrane, "locking_angle", None) or USUAL_LOCKING
-
-
-def _seed(scene: Scene, blank: BlankMesh, tools: ToolTable) -> np.ndarray:
-    """Return the material point [m] (2,) where the net begins."""
-    if scene.draping.seed is not None:
-        return np.array(scene.draping.seed)
-    nodes = blank.mid_surface_positions
-    tool = touching_tool(scene, tools)
-    if tool is None:
-        return 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))[:2]
-    distance = gaps(tools, tool, np.ascontiguousarray(nodes), 0.0)
-    least = distance.min() + FIRST_TOUCH * scene.only_ply(ASKER).thickness
-    first = nodes[distance < least]
-    middle = first.mean(axis=0)
-    if gaps(tools, tool, middle[None], 0.0)[0] < least:
-        return middle[:2]
-    return _nearest(first, middle)[:2]
-
-
-def _nearest(nodes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return the node nearest to a point; of several as near, the first by number."""
-    away = np.linalg.norm(nodes - point, axis=1)
-    # rounding must not choose between places that a symmetric tool touches at once
-    return nodes[np.argmax(away <= away.min() * (1.0 + SAME_DISTANCE))]
-
-
-def _place(scene: Scene, surface: DrapedSurface, tools: ToolTable, seed: np.ndarray) -> np.ndarray:
-    """Return the place of the seed on the surface [m] (3,)."""
-    accuracy = ACCURACY * scene.only_ply(ASKER).blank.edge_length
-    if scene.draping.place is not None:
-        point = np.array([scene.draping.place])
-        project_all(surface, point, accuracy)
-        if not np.isfinite(point).all():
-            raise InputError(
-                "has no nearest point of the surface; give a place nearer to it",
-                key="draping.place",
-            )
-        return point[0]
-    start = np.append(seed, scene.only_ply(ASKER).blank.height)
-    ahead = stroke_direction(scene, tools)
-    for direction in (ahead, -ahead):
-        point = _along(surface, start, direction, scene)[None]
-        project_all(surface, point, accuracy)
-        if np.isfinite(point).all():
-            return point[0]
-    raise InputError(
-        f"{millimetres(start, 1)} of the flat blank has no place on the surface along the stroke; "
-        "give another seed, or draping.place",
-        key="draping.seed",
-    )
-
-
-def _along(
-    surface: DrapedSurface, start: np.ndarray, direction: np.ndarray, scene: Scene
-) -> np.ndarray:
-    """Return where a ray first meets the surface, or nan; steps are as long as the distance."""
-
-    def level_at(way: float) -> float:
-        return level(surface, *(start + way * direction))[0]
-
-    way, found = 0.0, level_at(0.0)
-    blank = scene.only_ply(ASKER).blank
-    longest = LONGEST_WAY * max(blank.extent) + abs(surface.travel)
-    for _ in range(MOST_WAYPOINTS):
-        if abs(found) < ARRIVED * blank.edge_length:
-            return start + way * direction
-        step = abs(found)
-        ahead = level_at(way + step)
-        if ahead * found < 0.0:  # rounded edges make the level longer than the distance
-            return start + brentq(level_at, way, way + step) * direction
-        way, found = way + step, ahead
-        if way > longest:
-            break
-    return np.full(3, np.nan)
-
-
-def _frame(
-    scene: Scene, surface: DrapedSurface, blank: BlankMesh, place: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the side of the sheet's upper face, and both fibre directions at the seed.
-
-    Fibre 1 keeps its direction as far as the tangent plane has it; fibre 2 is perpendicular.
-    """
-    gradient = np.array(unit_normal(surface, 1.0, tuple(place)))
-    side = -1.0 if gradient[2] < 0.0 else 1.0
-    normal = side * gradient
-    fibre = blank.fibre_direction_1[0]
-    tangent = fibre - (fibre @ normal) * normal
-    size = np.linalg.norm(tangent)
-    if size < 1e-6 or not normal.any():
-        raise InputError(
-            f"the surface at {millimetres(place, 1)} is perpendicular to fibre 1: its direction is "
-            "not known there; give another seed",
-            key="draping.seed",
-        )
-    tangent /= size
-    across = np.cross(normal, tangent)
-    cosine, sine = math.cos(scene.draping.angle), math.sin(scene.draping.angle)
-    return side, cosine * tangent + sine * across, cosine * across - sine * tangent

@@ -3,6 +3,7 @@
 Fibres are bars of fixed length that turn freely where they cross (Mack and Taylor 1956, "The
 fitting of woven cloth to surfaces"). Two start lines run from the seed, the warp and the weft
 through it, as geodesics: the next node lies in the plane of the last bar and the surface normal.
+The one along fibre 1 may follow given places instead, and the angle between both is free.
 Every other node is one bar away from its two neighbours: where the circle in which two spheres
 meet passes through the surface, on the far side of the node before. In the limit of short bars this
 is the Chebyshev net of the surface, ω_uv = -K sin ω for the angle ω between the fibres and the
@@ -178,7 +179,7 @@ def keep(places, i, j, x):
 @routine
 def lay_start_line(surface, side, direction, lines, origin, other, along_u, way, accuracy,
                    places, status):  # fmt: skip
-    """Lay the nodes of one half of a start line, a geodesic from the seed.
+    """Lay the nodes of one half of a start line, a geodesic from the seed or the last steered node.
 
     direction : unit vector in the tangent plane at the seed, of growing line numbers.
     lines : fibre coordinates of the nodes [m]; origin : number of the seed; other : that of the
@@ -188,6 +189,12 @@ def lay_start_line(surface, side, direction, lines, origin, other, along_u, way,
     x = point_of(places, origin, other) if along_u else point_of(places, other, origin)
     ahead = (way * direction[0], way * direction[1], way * direction[2])
     while 0 <= index + way < lines.size:
+        i, j = (index + way, other) if along_u else (other, index + way)
+        if status[i, j] == PLACED:  # a steered node; beyond the last one its bar leads on
+            y = point_of(places, i, j)
+            ahead, x = difference(y, x), y
+            index += way
+            continue
         length = abs(lines[index + way] - lines[index])
         normal = unit_normal(surface, side, x)
         across = cross(normal, ahead)
@@ -199,7 +206,6 @@ def lay_start_line(surface, side, direction, lines, origin, other, along_u, way,
             circle = (x, length, cross(across, normal), normal)
             angle, found = meet(surface, circle, accuracy)
         index += way
-        i, j = (index, other) if along_u else (other, index)
         if not found:
             status[i, j] = LOST
             return
@@ -245,7 +251,9 @@ def lay_quarter(surface, side, u, v, i0, j0, way_u, way_v, locking, accuracy, pl
 
 
 @routine
-def lay_net(surface, side, seed, direction_1, direction_2, u, v, i0, j0, locking, accuracy):
+def lay_net(
+    surface, side, seed, direction_1, direction_2, u, v, i0, j0, locking, accuracy, steered
+):
     """Lay a net from its seed.
 
     Parameters
@@ -257,6 +265,8 @@ def lay_net(surface, side, seed, direction_1, direction_2, u, v, i0, j0, locking
     i0, j0 : numbers of the lines through the seed.
     locking : least sine of the angle between the fibres.
     accuracy : of the conditions of a node [m].
+    steered : given places of nodes on the start line along fibre 1 [m], shape (u.size, 3), without
+        a gap from the seed on; nan for the nodes of a geodesic.
 
     Returns
     -------
@@ -264,6 +274,10 @@ def lay_net(surface, side, seed, direction_1, direction_2, u, v, i0, j0, locking
     """
     places = np.full((u.size, v.size, 3), np.nan)
     status = np.full((u.size, v.size), UNREACHED)
+    for i in range(u.size):
+        if not math.isnan(steered[i, 0]):
+            keep(places, i, j0, (steered[i, 0], steered[i, 1], steered[i, 2]))
+            status[i, j0] = PLACED
     keep(places, i0, j0, seed)
     status[i0, j0] = PLACED
     for way in (1, -1):

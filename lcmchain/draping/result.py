@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.draping.drape import Draped
+from lcmchain.draping.joints import joints_of
 from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
+from lcmchain.fields.courses import COURSE, JOINT_GAP
+from lcmchain.fields.dataset import SHEET, SHEET_MESH
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
@@ -58,12 +61,45 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
         tool_turns=turning(draped.tools),
     )
     attributes = {"state": "complete", "comment": CONSTANT_VOLUME}
-    return laid_datasets(scene, LaidSheet(mesh, material), frames, given, attributes=attributes)
+    groups = laid_datasets(scene, LaidSheet(mesh, material), frames, given, attributes=attributes)
+    if draped.courses:
+        groups[SHEET] = _with_courses(groups[SHEET], draped)
+    return groups
+
+
+def _with_courses(sheet: xr.Dataset, draped: Draped) -> xr.Dataset:
+    """Add the number of the course to every face, and the gap of the joints to their nodes."""
+    flags = np.arange(len(draped.courses), dtype=np.int32)
+    gap = np.full((2, draped.mesh.node_count), np.nan)
+    for joint in joints_of(draped):
+        gap[0, joint.nodes], gap[1, joint.nodes] = joint.nominal, joint.gap
+    course = SHEET_MESH.on_cells(
+        np.tile(draped.course_of_face.astype(np.int32), (2, 1)),
+        {
+            "long_name": "course of the ply that the face belongs to",
+            "units": "1",
+            "flag_values": flags,
+            "flag_meanings": " ".join(net.name for net in draped.courses),
+        },
+    )
+    joint_gap = SHEET_MESH.on_nodes(
+        gap,
+        {
+            "long_name": "gap between courses",
+            "units": "m",
+            "comment": "on the upper edge of each course: distance to the "
+            "edge of the next one, negative where they overlap; not a number elsewhere",
+        },
+    )
+    return sheet.assign({COURSE: course, JOINT_GAP: joint_gap})
 
 
 def draping_effect(draped: Draped) -> Effect:
     """Return what is computed, as one of the effects of a run."""
-    return Effect("kinematic draping", True, f"a net of inextensible fibres on {draped.surface}")
+    nets = f"{len(draped.nets)} courses, each " if draped.courses else ""
+    return Effect(
+        "kinematic draping", True, f"{nets}a net of inextensible fibres on {draped.surface}"
+    )
 
 
 def draping_summary(scene: Scene, draped: Draped, datasets: dict[str, xr.Dataset]) -> dict:
@@ -72,22 +108,37 @@ def draping_summary(scene: Scene, draped: Draped, datasets: dict[str, xr.Dataset
     return found | {
         "step_count": 0,
         "wall_s": draped.wall_s,
-        "draping": draped_in_numbers(draped),
+        "draping": draped_in_numbers(scene, draped),
         "warnings": field_warnings(datasets["/"], scene.only_ply(ASKER).material.build()),
         "mapping": {},
     }
 
 
-def draped_in_numbers(draped: Draped) -> dict[str, Any]:
-    """Return seed, surface and locking of a net in plain values."""
-    return {
+def draped_in_numbers(scene: Scene, draped: Draped) -> dict[str, Any]:
+    """Return seed, surface, start and locking of a net in plain values."""
+    found = {
         "surface": draped.surface,
         "seed_m": draped.seed.tolist(),
         "seed_place_m": draped.place.tolist(),
-        "net_nodes": int(draped.net_status.size),
+        "pre_shear_rad": scene.draping.pre_shear,
+        "steered": any(net.start.line is not None for net in draped.nets),
+        "net_nodes": int(sum(net.net_status.size for net in draped.nets)),
         "locking_angle_rad": draped.locking_angle,
         "locked_part_of_area": draped.locked_part(),
     }
+    if draped.courses:
+        found["courses"] = [net.name for net in draped.courses]
+        found["joints"] = [
+            {
+                "below": joint.below,
+                "above": joint.above,
+                "flat_gap_m": joint.nominal,
+                "gap_min_m": None if joint.extremes is None else joint.extremes[0],
+                "gap_max_m": None if joint.extremes is None else joint.extremes[1],
+            }
+            for joint in joints_of(draped)
+        ]
+    return found
 
 
 def locking_warnings(draped: Draped) -> list[str]:

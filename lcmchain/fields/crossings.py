@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from lcmchain.fields.courses import COURSE
 from lcmchain.fields.sheet import (
     reference_positions,
     sheet_areas,
@@ -127,10 +128,13 @@ def _lips(positions: np.ndarray, faces: np.ndarray, thickness: float) -> np.ndar
 
 
 def _bodies(sheet: xr.Dataset, face_count: int) -> list[np.ndarray]:
-    """Return the rows of the faces of each sheet of a result."""
-    if "body" not in sheet:
+    """Return the rows of the faces of each sheet of a result, and of each course of a ply."""
+    if "body" in sheet:
+        body = sheet["body"].values
+    elif COURSE in sheet:  # courses are laid over each other
+        body = sheet[COURSE].values[-1]
+    else:
         return [np.arange(face_count)]
-    body = sheet["body"].values
     return [np.flatnonzero(body == number) for number in np.unique(body)]
 
 

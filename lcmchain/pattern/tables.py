@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
+from lcmchain.fields.courses import COURSE, JOINT_GAP
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.mesh.places import Places
 from lcmchain.mesh.plane_cut import cut_edges
@@ -108,7 +109,16 @@ def rim_table(sheet: xr.Dataset, frame: int = -1) -> Table:
     columns of equal length: length along the flat rim, anticlockwise from its corner with the
     smallest x + y [m]; place in the flat blank; position in the part; draw-in, the way inward
     normal to the flat rim, and along it, both in plan [m].
+
+    Raises
+    ------
+    InputError : the sheet consists of several courses.
     """
+    if COURSE in sheet:
+        raise InputError(
+            "holds a ply in several courses, which have no common rim; the gaps at their joints "
+            f"are {JOINT_GAP} in it"
+        )
     flat, formed = reference_positions(sheet), sheet_positions(sheet, frame)
     faces = sheet_faces(sheet)
     cells = np.where((faces == np.roll(faces, 1, axis=1)) & (np.arange(4) == 3), -1, faces)

@@ -29,6 +29,8 @@ CAPTIONS: dict[str, str] = {
         "lies on, from above; white where none does or ever did"
         for shown in BETWEEN_SHOWN
     },
+    "courses.png": "Courses of the ply on the formed shape, and from above the gaps along their "
+    "joints; overlaps are negative",
     "plies_fibre_directions.png": "Fibre lines of all families of every ply, formed and from above",
     "exploded.png": "Formed plies lifted off each other, with their shear angle and fibre lines",
     "fibre_directions.png": "Fibre lines of all families on the formed shape; they followed a "

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 import matplotlib
 import numpy as np
 
+from lcmchain.fields.courses import COURSE, course_names
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.fields.stack import PLY, ply_names, without_films
 from lcmchain.fields.summary import has_forces
+from lcmchain.report.courses import draw_courses, from_far_to_near, lifted
 from lcmchain.report.cut import Plane
 from lcmchain.report.extremes import mark_extremes
 from lcmchain.report.formed import draw_between_tools, draw_fibre_directions
@@ -54,9 +56,9 @@ def draw_result(
     ----------
     out_dir : folder of the pictures in :data:`lcmchain.report.captions.CAPTIONS`: fields that the
         result has, ``fibre_directions.png``, of a stack those of every ply
-        (:func:`lcmchain.report.stack_pictures.draw_plies`), ``sections.png``, ``energy.png``,
-        with tools ``tools.png``, and where their forces are known ``force.png`` and, if one of them
-        moves, ``force_over_travel.png``.
+        (:func:`lcmchain.report.stack_pictures.draw_plies`), of courses ``courses.png``,
+        ``sections.png``, ``energy.png``, with tools ``tools.png``, and where their
+        forces are known ``force.png`` and, if one of them moves, ``force_over_travel.png``.
     datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
     frame : saved frame to draw, the last one by default.
     tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
@@ -78,6 +80,9 @@ def draw_result(
         if shown.name in sheet:
             files.append(out_dir / f"{shown.name}.png")
             draw_field(files[-1], without_films(sheet), shown, frame)
+    if course_names(sheet):
+        files.append(out_dir / "courses.png")
+        draw_courses(files[-1], sheet, frame)
     travel = tool_places(history)[frame]
     if is_stack:
         files += draw_plies(out_dir, datasets, frame)
@@ -140,7 +145,7 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
         bar = axes_at(figure, 10.4, 0.5 + 0.12 * panel, 0.16, 0.76 * panel)
         colours = colour_scale(values, shown)
         shades = colours.to_rgba(values)
-        for own in _from_back_to_front(sheet, view):
+        for own in _from_back_to_front(sheet, view, frame):
             edges = boundary_edges(faces[own])
             draw_facets(left, points[faces[own]], view, shades[own], rim=points[edges])
         fit_axis(left, view.on_screen(points), 0.03)
@@ -151,8 +156,11 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
             0.3 / 11.4, (0.5 + panel) / (panel + 1.45), f"formed shape, from {side}", color=FAINT,
             fontsize=9, va="bottom",
         )  # fmt: skip
-        order = np.concatenate(_from_back_to_front(sheet, FROM_ABOVE))
-        _draw_map(right, points, initial, faces[order], rim, shades[order])
+        order = np.concatenate(_from_back_to_front(sheet, FROM_ABOVE, frame))
+        seen = points
+        if course_names(sheet):
+            seen = lifted(points, faces, sheet[COURSE].values[frame])
+        _draw_map(right, seen, initial, faces[order], rim, shades[order])
         right.set_title("from above", color=FAINT, loc="left")
         draw_colour_bar(figure, bar, colours, exact, shown)
         mark_extremes(right, places[:, :2], exact, shown)
@@ -161,13 +169,16 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
         save(figure, path)
 
 
-def _from_back_to_front(sheet: xr.Dataset, view: View) -> list[np.ndarray]:
-    """Return the faces of every ply, those that lie farther from the viewer first.
+def _from_back_to_front(sheet: xr.Dataset, view: View, frame: int) -> list[np.ndarray]:
+    """Return the faces of every ply or course, those that lie farther from the viewer first.
 
     Plies lie closer to each other than their faces are long: no order of faces tells which hides
     which, but that of the plies does.
     """
     count = len(ply_names(sheet))
+    if course_names(sheet):
+        corners = sheet_positions(sheet, frame)[sheet_faces(sheet)]
+        return from_far_to_near(corners, sheet[COURSE].values[frame], view)
     if not count:
         return [np.arange(sheet.sizes["sheet_face"])]
     plies = [np.flatnonzero(sheet[PLY].values == number) for number in range(count)]

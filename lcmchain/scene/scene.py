@@ -651,6 +651,12 @@ class Scene(SceneModel):
                 'forces; leave it out, or use element = "solid-shell"',
                 field=loads,
             )
+        if self.draping.courses and self.infiltration is not None:
+            raise wrong(
+                "fills the formed sheet, whose courses have no common nodes: resin would not cross "
+                "their joints; fill a mesh that it is mapped to ([mapping.infiltration])",
+                field="infiltration",
+            )
 
     @property
     def wet_forming(self) -> Infiltration | None:

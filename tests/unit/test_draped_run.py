@@ -10,10 +10,10 @@ import pytest
 
 from lcmchain.check import check_scene
 from lcmchain.draping import drape, is_drapable
-from lcmchain.draping.drape import _seed
 from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
 from lcmchain.draping.net import PLACED
 from lcmchain.draping.result import draped_datasets
+from lcmchain.draping.start import seed_of
 from lcmchain.draping.surface import draped_surface, level
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import fibre_mass, read_forming, sheet_positions
@@ -326,11 +326,11 @@ def test_the_seed_is_a_place_that_the_tool_touches():
     two = scene_from_text(text)
     blank = build_blank(two.blank, two.material.thickness)
     tools = build_tool_table(two.tools, None, 0.02, blank=blank.node_positions)
-    seed = _seed(two, blank, tools)
+    seed = seed_of(two, blank, tools)
     assert abs(seed[0]) == pytest.approx(10e-3, abs=1e-9) and abs(seed[1]) < 1e-9
-    again = _seed(two, blank, tools)
+    again = seed_of(two, blank, tools)
     assert (seed == again).all()
-    dome = _seed(scene(), blank, build_tool_table(scene().tools, None, 0.02))
+    dome = seed_of(scene(), blank, build_tool_table(scene().tools, None, 0.02))
     assert np.allclose(dome, 0.0, atol=1e-12)
 
 
