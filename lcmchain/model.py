@@ -27,10 +27,9 @@ from lcmchain.effects.pore_columns import PoreColumns
 from lcmchain.effects.pressures import pressures_of
 from lcmchain.effects.regional_pressure import RegionalPressure, build_regional_pressure
 from lcmchain.effects.supports import Support, SupportTable, build_supports
-from lcmchain.elements.blocks import LANES
+from lcmchain.elements.blocks import EMPTY_ROWS, LANES
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
-from lcmchain.elements.force_slots import EMPTY_ROWS
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError

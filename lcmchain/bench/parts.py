@@ -15,10 +15,10 @@ from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.measure import Measurement, kernel_work, measure
 from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.effects.fibre_bending import fibre_bending_forces
-from lcmchain.elements.force_slots import gather_internal_forces, runs_of_slots
 from lcmchain.jit import entry
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_contact
 from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.solver.force_slots import gather_internal_forces, runs_of_slots
 from lcmchain.solver.loop import integrate
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 

@@ -17,6 +17,8 @@ LANES = 16
 # it counts from the end. A row further on is then so many unsigned lanes away.
 NEXT_ROW = np.uint64(LANES)
 SECOND_ROW = np.uint64(2 * LANES)
+#: Numbers behind all corner forces, for nodes that find nothing in a slot, in any of three rows.
+EMPTY_ROWS = 2 * LANES + 1
 # Constants that differ by less than this part of their scale are taken for the same: far above what
 # rounding makes of a regular mesh, far below what any result shows.
 SAME = 1e-12

@@ -33,7 +33,6 @@ from lcmchain.effects.interaction import (
     scratch_size,
 )
 from lcmchain.elements.family import internal_forces
-from lcmchain.elements.force_slots import SlotRuns, gather_internal_forces, runs_of_slots
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
 from lcmchain.elements.solid_shell.together import kinds_of, put_together
 from lcmchain.jit import (
@@ -45,6 +44,7 @@ from lcmchain.jit import (
 )
 from lcmchain.materials.law import Step
 from lcmchain.model import Model, NodeData, PlacedBody
+from lcmchain.solver.force_slots import SlotRuns, gather_internal_forces, runs_of_slots
 from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
     CONTACT,

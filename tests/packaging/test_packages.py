@@ -36,6 +36,7 @@ RANK_OF_CORE = {
     "fingerprint": 0,
     "jit": 0,
     "large_tuples": 0,
+    "packs": 0,
     "dispatch": 0,
     "self_contained": 0,
     "threads": 0,

@@ -85,6 +85,7 @@ def test_the_file_gives_back_the_dataset(system, tmp_path):
         system.history.write(tmp_path)
 
 
+@pytest.mark.usefixtures("fine_pictures")
 @pytest.mark.parametrize("scheme", [iqn_ils, gauss_seidel])
 def test_picture_is_drawn(scheme, tmp_path):
     system = coupled_column(Column(modulus=1e8), scheme(), 1.0, prediction=0)

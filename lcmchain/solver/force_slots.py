@@ -17,9 +17,6 @@ from lcmchain.jit import ordered_span_routine
 from lcmchain.packs import PACK, load_lanes, pack_of, store_first
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
-#: Numbers behind all corner forces, for slots in which there is nothing.
-EMPTY_ROWS = 2 * LANES + 1
-
 
 class SlotRuns(NamedTuple):
     """Where packs of nodes read the forces in their slots; all arrays are int32.

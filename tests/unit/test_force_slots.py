@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lcmchain.elements.blocks import LANES
-from lcmchain.elements.force_slots import EMPTY_ROWS, gather_internal_forces, runs_of_slots
+from lcmchain.elements.blocks import EMPTY_ROWS, LANES
 from lcmchain.jit import entry
 from lcmchain.packs import PACK
 from lcmchain.scene import scene_from_text
+from lcmchain.solver.force_slots import gather_internal_forces, runs_of_slots
 from lcmchain.solver.simulation import Simulation
 
 FORCES = 40 * LANES
