@@ -993,7 +993,7 @@ def test_quadrilaterals_of_other_formats(tmp_path):
         ("words.stl", b"solid this is\nnot a mesh at all\n", "cannot be read"),
         ("broken.stl", b"binary junk \x00\xff" * 30, "no triangles"),
         ("broken.vtu", b"<VTKFile>", "cannot be read"),
-        ("unknown.xyz123", b"data", "cannot be read"),
+        ("unknown.xyz123", b"data", "the content is no mesh of a format that is known"),
         (
             "line.stl",
             b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 2 0 0\n"
