@@ -197,7 +197,7 @@ def _lower_choice(context, builder, sig, args):
     return builder.select(*args)
 
 
-def _instruction(function: Callable[..., Any]) -> Callable[..., Any]:
+def instruction(function: Callable[..., Any]) -> Callable[..., Any]:
     """Make a function that compiled code alone calls, whose first argument numba gives it."""
     made: Callable[..., Any] = intrinsic(function)
     return made
@@ -206,7 +206,7 @@ def _instruction(function: Callable[..., Any]) -> Callable[..., Any]:
 # --- to and from memory ---------------------------------------------------------------------------
 
 
-@_instruction
+@instruction
 def load(typing_context, values, place):
     """Return the pack that begins at a place in the memory of a C-contiguous array."""
 
@@ -216,7 +216,7 @@ def load(typing_context, values, place):
     return pack(values, types.intp), build
 
 
-@_instruction
+@instruction
 def load_first(typing_context, values, place, count):
     """Return the first ``count`` numbers of a pack, and zeros behind; no more is read."""
 
@@ -227,7 +227,7 @@ def load_first(typing_context, values, place, count):
     return pack(values, types.intp, types.intp), build
 
 
-@_instruction
+@instruction
 def load_lanes(typing_context, values, place, lanes):
     """Return some lanes, given as bits, of the pack that begins at a place, and zeros elsewhere.
 
@@ -241,7 +241,7 @@ def load_lanes(typing_context, values, place, lanes):
     return pack(values, types.intp, types.intp), build
 
 
-@_instruction
+@instruction
 def load_two(typing_context, values, first, second, turn):
     """Return the pack that begins at ``first``, and from a lane on the one that begins elsewhere.
 
@@ -259,7 +259,7 @@ def load_two(typing_context, values, first, second, turn):
     return pack(values, *[types.intp] * 3), build
 
 
-@_instruction
+@instruction
 def load_indexed(typing_context, values, shift, indices, place):
     """Return the numbers ``shift`` behind the eight indices (int32) that begin at a place.
 
@@ -281,7 +281,7 @@ def load_indexed(typing_context, values, shift, indices, place):
     return pack(values, types.intp, indices, types.intp), build
 
 
-@_instruction
+@instruction
 def store(typing_context, values, place, numbers):
     """Write a pack to a place in the memory of a C-contiguous array."""
 
@@ -292,7 +292,7 @@ def store(typing_context, values, place, numbers):
     return types.none(values, types.intp, pack), build
 
 
-@_instruction
+@instruction
 def store_first(typing_context, values, place, numbers, count):
     """Write the first ``count`` numbers of a pack; what lies behind stays as it is."""
 
@@ -334,19 +334,19 @@ def _first(builder: Any, count: Any) -> Any:
 # --- all eight together ---------------------------------------------------------------------------
 
 
-@_instruction
+@instruction
 def pack_of(typing_context, number):
     """Return a pack of one number."""
     return pack(types.float64), lambda context, builder, sig, args: _repeated(builder, args[0])
 
 
-@_instruction
+@instruction
 def first_lanes(typing_context, count):
     """Return a mask of the first ``count`` lanes."""
     return mask(types.intp), lambda context, builder, sig, args: _first(builder, args[0])
 
 
-@_instruction
+@instruction
 def any_lane(typing_context, answers):
     """Tell whether a mask holds in any lane."""
 
@@ -357,7 +357,7 @@ def any_lane(typing_context, answers):
     return types.boolean(mask), build
 
 
-@_instruction
+@instruction
 def all_lanes(typing_context, answers):
     """Tell whether a mask holds in all lanes."""
 
@@ -368,7 +368,7 @@ def all_lanes(typing_context, answers):
     return types.boolean(mask), build
 
 
-@_instruction
+@instruction
 def sum_of(typing_context, numbers):
     """Return the sum of a pack: its halves added lane by lane, theirs, and so on."""
 

@@ -25,6 +25,7 @@ from lcmchain.packs import (
     first_lanes,
     load,
     load_first,
+    pack_of,
     store,
     store_first,
     sum_of,
@@ -108,7 +109,7 @@ def add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, 
                     dt_last, dt, work, sums,
                 )  # fmt: skip
             else:
-                store_first(arrays.contact_force, begin, load_first(work, 0, 0), count)
+                store_first(arrays.contact_force, begin, pack_of(0.0), count)
     if touched > 0:
         add_sums(tools, tools.turn_axis, work, sums)
 

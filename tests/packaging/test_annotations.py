@@ -11,12 +11,13 @@ pytestmark = pytest.mark.skipif(
     not (ROOT / "pyproject.toml").is_file(), reason="needs the checkout, not only the tests"
 )
 
-# Decorators behind which numba derives the types from every call (lcmchain/jit.py,
+# Decorators behind which numba derives the types from every call (lcmchain/jit.py, packs.py,
 # lcmchain/dispatch.py and numba's own).
 COMPILED = {
     "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine",
     "inlined_routine", "uncounted_routine", "uncounted_entry", "kernel_part", "unrolled",
     "entry", "kernel", "implements", "required", "optional", "njit", "overload", "intrinsic",
+    "instruction",
 }  # fmt: skip
 
 

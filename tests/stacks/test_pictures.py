@@ -53,7 +53,7 @@ def test_a_stack_is_drawn_ply_by_ply_and_every_picture_has_a_caption(groups, tmp
 def test_what_lies_nearer_to_the_viewer_is_painted_later(groups):
     sheet = groups[SHEET]
     for view, first in ((FROM_ABOVE, 0), (oblique(from_below=True), 1)):
-        plies = [sheet[PLY].values[faces] for faces in _from_back_to_front(sheet, view)]
+        plies = [sheet[PLY].values[faces] for faces in _from_back_to_front(sheet, view, -1)]
         assert [set(own) for own in plies] == [{first}, {1 - first}]
 
 

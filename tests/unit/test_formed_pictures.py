@@ -375,7 +375,7 @@ def test_of_equal_extremes_the_ones_far_apart_are_marked():
 def test_every_picture_has_a_caption(datasets, tools, tmp_path):
     files = draw_result(tmp_path, datasets, tools=tools)
     of_stack = {name for name in CAPTIONS if name.startswith(("plies_", "stack_", "exploded"))}
-    asked = {"springback.png", "wrinkle_risk.png"}
+    asked = {"springback.png", "wrinkle_risk.png", "courses.png"}
     assert {file.name for file in files} == set(CAPTIONS) - of_stack - asked
     assert all(file.is_file() for file in files)
     assert "transparent" in caption_of("tools.png")
