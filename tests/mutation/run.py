@@ -35,7 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MUTANTS = Path(__file__).with_name("mutants.toml")
 # Folders of the checkout that are packages inside lcmchain once installed.
 OUTER = ("mapping", "coupling", "fmu")
-DECORATORS = r"njit|\w*entry|overload|vectorize|\w*(kernel|routine|equation|span_part|kernel_part)"
+DECORATORS = r"njit|\w*entry|overload|vectorize|instruction|\w*(kernel|routine|equation|_part)"
 COMPILED = re.compile(rf"^@({DECORATORS})\b", re.M)
 HEAD = """# Mutation study
 
@@ -103,7 +103,10 @@ class Copy:
         return self.folder / "lcmchain" / file if inside else self.folder / file
 
     def importers_of(self, path: Path) -> set[Path]:
-        """Return a file of the package and all files that import it, directly or not."""
+        """Return a file of the package and all files that import it, directly or not.
+
+        Tests too: some of them compile functions of their own.
+        """
         found, size = {path}, 0
         while len(found) > size:
             size = len(found)
@@ -112,8 +115,9 @@ class Copy:
 
     @cached_property
     def imports(self) -> dict[Path, set[Path]]:
-        """Files of the package that each of its files imports."""
-        files = {file: set() for file in (self.folder / "lcmchain").rglob("*.py")}
+        """Files of the package that each of its files imports, and each of the tests."""
+        folders = (self.folder / "lcmchain", self.folder / "tests")
+        files = {file: set() for folder in folders for file in folder.rglob("*.py")}
         for file, imported in files.items():
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 names = [node.module or ""] if isinstance(node, ast.ImportFrom) else ()
