@@ -28,10 +28,12 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic, lower_builtin, register_model
 from numba.np.arrayobj import make_array
 
+from lcmchain.jit import FLOATING_POINT, equation
+
 #: Numbers of a pack.
 PACK = 8
-#: As :data:`lcmchain.jit.FLOATING_POINT`, which is about numbers alone.
-FLAGS = ("contract", "nsz")
+#: What operations on packs allow, as those on numbers do.
+FLAGS = tuple(sorted(FLOATING_POINT))
 
 DOUBLE, BIT, INDEX = ir.DoubleType(), ir.IntType(1), ir.IntType(64)
 NUMBERS, BITS = ir.VectorType(DOUBLE, PACK), ir.VectorType(BIT, PACK)
@@ -329,6 +331,43 @@ def _first(builder: Any, count: Any) -> Any:
     """Return which lanes are the first ``count``."""
     numbered = ir.Constant(ir.VectorType(INDEX, PACK), list(range(PACK)))
     return builder.icmp_signed("<", numbered, _repeated(builder, count))
+
+
+# --- vectors, as tuples of three packs ------------------------------------------------------------
+
+
+@equation
+def load_three(values, step, place):
+    """Return the packs that begin at a place, one step behind it, and two."""
+    return load(values, place), load(values, place + step), load(values, place + 2 * step)
+
+
+@equation
+def store_three(values, step, place, a):
+    """Write three packs to a place, one step behind it, and two."""
+    store(values, place, a[0])
+    store(values, place + step, a[1])
+    store(values, place + 2 * step, a[2])
+
+
+@equation
+def load_vector(values, first, count):
+    """Return the three components (3, node_count) of ``count`` nodes from ``first`` on."""
+    step = values.shape[1]
+    return (
+        load_first(values, first, count),
+        load_first(values, first + step, count),
+        load_first(values, first + 2 * step, count),
+    )
+
+
+@equation
+def store_vector(values, first, count, a):
+    """Write the three components (3, node_count) of ``count`` nodes from ``first`` on."""
+    step = values.shape[1]
+    store_first(values, first, a[0], count)
+    store_first(values, first + step, a[1], count)
+    store_first(values, first + 2 * step, a[2], count)
 
 
 # --- all eight together ---------------------------------------------------------------------------

@@ -46,7 +46,7 @@ from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 SINGLE = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)sd\s")
 FUSED = re.compile(r"\svfn?m(?:add|sub)(?:132|213|231)sd\s")
 #: The same of packed numbers, with the first letter of the registers.
-PACKED = re.compile(r"\sv?(?:add|sub|mul|div|sqrt)pd\s[^\n]*%([xyz])mm")
+PACKED = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)pd\s[^\n]*%([xyz])mm")
 PACKED_FUSED = re.compile(r"\svfn?m(?:add|sub)(?:132|213|231)pd\s[^\n]*%([xyz])mm")
 WIDTH = {"x": 2, "y": 4, "z": 8}
 NO_VECTORS = {"NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}

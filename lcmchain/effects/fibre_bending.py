@@ -37,12 +37,12 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
-from lcmchain.elements.lane_runs import find_runs, load_three, vector_of_lanes
+from lcmchain.elements.lane_runs import find_runs, vector_of_lanes
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import entry, equation, kernel, span_routine
 from lcmchain.mesh.fibre_lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
-from lcmchain.packs import PACK, load, store
+from lcmchain.packs import PACK, load, load_three, store_three
 
 # Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
 # fibre 1, then fibre 2; the force on it.
@@ -401,7 +401,7 @@ def find_middle(data, position, middle, block):
     for half in range(HALVES):
         below = neighbour(data, position, position.shape[1], block, 0, half)
         above = neighbour(data, position, position.shape[1], block, 1, half)
-        store3(middle, own + half * PACK, scaled(0.5, plus(1.0, below, above)))
+        store_three(middle, LANES, own + half * PACK, scaled(0.5, plus(1.0, below, above)))
 
 
 @span_routine
@@ -419,10 +419,10 @@ def find_vectors(data, middle, vector, block):
         after, before, across_after, across_before = bend(
             data.constants, constants, x, before1, after1, before2, after2
         )
-        store3(vector, own + shift, after)
-        store3(vector, own + 3 * LANES + shift, before)
-        store3(vector, own + 6 * LANES + shift, across_after)
-        store3(vector, own + 9 * LANES + shift, across_before)
+        store_three(vector, LANES, own + shift, after)
+        store_three(vector, LANES, own + 3 * LANES + shift, before)
+        store_three(vector, LANES, own + 6 * LANES + shift, across_after)
+        store_three(vector, LANES, own + 9 * LANES + shift, across_before)
 
 
 @span_routine
@@ -439,7 +439,7 @@ def add_vectors(data, vector, corner_force, block):
         for k in range(1, 4):
             sent = plus(1.0, load_three(vector, LANES, own + 3 * k * LANES + shift), sent)
         share = load(data.constants, data.start[block] + SHARE_ROW * LANES + shift)
-        store3(corner_force, first + shift, scaled(share, plus(-1.0, sent, total)))
+        store_three(corner_force, LANES, first + shift, scaled(share, plus(-1.0, sent, total)))
 
 
 @equation
@@ -519,14 +519,6 @@ def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn, kept):
     lift = per_p * per_nn * dot(w, n) * moment
     slide = per_tt * dot(w, t) * moment
     return c, q, scaled(moment, q), lift, slide, twice
-
-
-@equation
-def store3(values, place, a):
-    """Write three packs, a row behind each other."""
-    store(values, place, a[0])
-    store(values, place + LANES, a[1])
-    store(values, place + 2 * LANES, a[2])
 
 
 SWITCH = Switch(

@@ -25,9 +25,11 @@ from lcmchain.packs import (
     first_lanes,
     load,
     load_first,
+    load_vector,
     pack_of,
     store,
     store_first,
+    store_vector,
     sum_of,
 )
 from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
@@ -35,9 +37,7 @@ from lcmchain.tools.pack_distance import (
     DISTANCE_PACKS,
     keep_distance,
     kept_distance,
-    load_vector,
     pack_distance,
-    store_vector,
 )
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 from lcmchain.tools.table import ToolTable

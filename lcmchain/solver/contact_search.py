@@ -6,8 +6,8 @@ import numpy as np
 from numba import prange
 
 from lcmchain.jit import kernel, span_routine, uncounted_routine
-from lcmchain.packs import PACK, store
-from lcmchain.tools.pack_distance import DISTANCE_PACKS, load_vector, pack_distance
+from lcmchain.packs import PACK, load_vector, store
+from lcmchain.tools.pack_distance import DISTANCE_PACKS, pack_distance
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 

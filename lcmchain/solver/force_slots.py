@@ -14,7 +14,7 @@ import numpy as np
 
 from lcmchain.elements.blocks import LANES
 from lcmchain.jit import ordered_span_routine
-from lcmchain.packs import PACK, load_lanes, pack_of, store_first
+from lcmchain.packs import PACK, load_lanes, pack_of, store_vector
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 
@@ -72,7 +72,7 @@ def gather_internal_forces(arrays, runs, chunk, first, last):
     ----------
     runs : :class:`SlotRuns`.
     """
-    force, corner_force, node_count = arrays.force, arrays.corner_force, arrays.force.shape[1]
+    corner_force = arrays.corner_force
     for begin in range(first, last, PACK):
         number = chunk * PACKS_OF_CHUNK + (begin - first) // PACK
         x = y = z = pack_of(0.0)
@@ -81,7 +81,4 @@ def gather_internal_forces(arrays, runs, chunk, first, last):
             x -= load_lanes(corner_force, place, lanes)
             y -= load_lanes(corner_force, place + LANES, lanes)
             z -= load_lanes(corner_force, place + 2 * LANES, lanes)
-        count = min(PACK, last - begin)
-        store_first(force, begin, x, count)
-        store_first(force, begin + node_count, y, count)
-        store_first(force, begin + 2 * node_count, z, count)
+        store_vector(arrays.force, begin, min(PACK, last - begin), (x, y, z))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from lcmchain.jit import FLOATING_POINT, equation
+from lcmchain.jit import FLOATING_POINT, equation, inlined_routine
 from lcmchain.tools.profiles import ARC
 from lcmchain.tools.turn import local_axis_at, origin_at
 
@@ -171,6 +171,24 @@ def field_distance(h, origin, shape, box, start, coefficients, far_bound, tool, 
     return d, nx, ny, nz
 
 
+@inlined_routine
+def distance_in_field(table, tool, x, y, z):
+    """As :func:`field_distance`, of a tool of a table."""
+    return field_distance(
+        table.spacing[tool],
+        table.grid_origin,
+        table.grid_shape,
+        table.box,
+        table.grid_start[tool],
+        table.coefficients,
+        table.far_bound,
+        tool,
+        x,
+        y,
+        z,
+    )
+
+
 @njit(**_UNCOUNTED, forceinline=True)
 def signed_distance(table, tool, x, y, z, travel):
     """Signed distance [m] from a point to a tool, and the unit normal of the tool there.
@@ -208,19 +226,7 @@ def signed_distance(table, tool, x, y, z, travel):
             zx * x + zy * y + zz * z,
         )
     if kind == FIELD:
-        gap, nx, ny, nz = field_distance(
-            table.spacing[tool],
-            table.grid_origin,
-            table.grid_shape,
-            table.box,
-            table.grid_start[tool],
-            table.coefficients,
-            table.far_bound,
-            tool,
-            x,
-            y,
-            z,
-        )
+        gap, nx, ny, nz = distance_in_field(table, tool, x, y, z)
     else:
         radial_x, radial_y, across = 1.0, 0.0, x
         if kind == REVOLVED:

@@ -10,8 +10,8 @@ import math
 
 from lcmchain.elements.vectors import dot, plus, scaled
 from lcmchain.jit import equation
-from lcmchain.packs import PACK, all_lanes, choose, load, load_first, store, store_first
-from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, field_distance
+from lcmchain.packs import PACK, all_lanes, choose, load, load_three, store, store_three
+from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, distance_in_field
 from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT, NORMAL
 from lcmchain.tools.profiles import ARC
 from lcmchain.tools.turn import local_axis_at, origin_at
@@ -21,39 +21,16 @@ DISTANCE_PACKS = 4
 
 
 @equation
-def load_vector(values, first, count):
-    """Return the three components (3, node_count) of ``count`` nodes from ``first`` on."""
-    step = values.shape[1]
-    return (
-        load_first(values, first, count),
-        load_first(values, first + step, count),
-        load_first(values, first + 2 * step, count),
-    )
-
-
-@equation
-def store_vector(values, first, count, a):
-    """Write the three components (3, node_count) of ``count`` nodes from ``first`` on."""
-    step = values.shape[1]
-    store_first(values, first, a[0], count)
-    store_first(values, first + step, a[1], count)
-    store_first(values, first + 2 * step, a[2], count)
-
-
-@equation
 def keep_distance(gap, normal, work, at):
     """Write a gap and a normal to scratch."""
     store(work, at, gap)
-    store(work, at + PACK, normal[0])
-    store(work, at + 2 * PACK, normal[1])
-    store(work, at + 3 * PACK, normal[2])
+    store_three(work, PACK, at + PACK, normal)
 
 
 @equation
 def kept_distance(work, at):
     """Return what :func:`keep_distance` has written."""
-    normal = (load(work, at + PACK), load(work, at + 2 * PACK), load(work, at + 3 * PACK))
-    return load(work, at), normal
+    return load(work, at), load_three(work, PACK, at + PACK)
 
 
 @equation
@@ -98,19 +75,8 @@ def field_distances(table, tool, local, work, at):
     """Return what the distance field of a surface mesh says, node by node."""
     keep_distance(local[0], local, work, at)
     for i in range(at, at + PACK):
-        gap, nx, ny, nz = field_distance(
-            table.spacing[tool],
-            table.grid_origin,
-            table.grid_shape,
-            table.box,
-            table.grid_start[tool],
-            table.coefficients,
-            table.far_bound,
-            tool,
-            work[i + PACK],
-            work[i + 2 * PACK],
-            work[i + 3 * PACK],
-        )
+        x, y, z = work[i + PACK], work[i + 2 * PACK], work[i + 3 * PACK]
+        gap, nx, ny, nz = distance_in_field(table, tool, x, y, z)
         work[i] = gap
         work[i + PACK] = nx
         work[i + 2 * PACK] = ny

@@ -7,10 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lcmchain.elements.blocks import LANES
-from lcmchain.elements.lane_runs import SCATTERED, find_runs, load_vectors, vector_of_lanes
+from lcmchain.elements.lane_runs import SCATTERED, find_runs, load_vectors
 from lcmchain.jit import routine
 from lcmchain.model import build_model
-from lcmchain.packs import PACK, store
 from lcmchain.scene import scene_from_text
 
 SIZE = 50
@@ -22,17 +21,6 @@ BEHIND = -7.0
 def loaded(values, step, indices, runs, out):
     for k in range(indices.size // LANES):
         load_vectors(values, step, indices, k * LANES, runs, k, out, 3 * k * LANES)
-
-
-@routine
-def loaded_by_halves(values, step, indices, runs, out):
-    for k in range(indices.size // LANES):
-        for half in range(LANES // PACK):
-            x, y, z = vector_of_lanes(values, step, indices, k * LANES, runs, k, half)
-            at = 3 * k * LANES + half * PACK
-            store(out, at, x)
-            store(out, at + LANES, y)
-            store(out, at + 2 * LANES, z)
 
 
 def runs_of(starts: list[int], turns: list[int]) -> np.ndarray:
@@ -65,17 +53,6 @@ def test_loads_are_those_of_the_indices(rows, shape):
     for d in range(3):
         np.testing.assert_array_equal(out[:-1, d], values.ravel()[indices + d * STEP])
     assert (out[-1] == BEHIND).all()
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.lists(indices_in_runs | scattered, min_size=1, max_size=6))
-def test_halves_are_those_of_the_whole(rows):
-    indices = np.array(rows, dtype=np.int32)
-    values, runs = np.arange(2.0 * STEP + SIZE + 10.0), find_runs(indices).ravel()
-    whole, halves = np.full((2, len(rows), 3, LANES), BEHIND)
-    loaded(values, STEP, indices.ravel(), runs, whole.ravel())
-    loaded_by_halves(values, STEP, indices.ravel(), runs, halves.ravel())
-    np.testing.assert_array_equal(halves, whole)
 
 
 @settings(max_examples=200, deadline=None)

@@ -15,7 +15,7 @@ from shapely import Point, Polygon
 
 from lcmchain.errors import InputError
 from lcmchain.jit import entry
-from lcmchain.packs import PACK
+from lcmchain.packs import PACK, load_vector
 from lcmchain.scene import Tool
 from lcmchain.tools import (
     FIXED,
@@ -33,7 +33,6 @@ from lcmchain.tools.motion import Motion
 from lcmchain.tools.pack_distance import (
     DISTANCE_PACKS,
     keep_distance,
-    load_vector,
     pack_distance,
 )
 from lcmchain.tools.shapes import Shape
