@@ -89,6 +89,10 @@ def let_processes_share() -> None:
     function for two kinds of arguments may both take the next number. An index then names the code
     of one for the arguments of the other. Here one waits for the other, and a file is complete
     before the index names it.
+
+    The index of a function holds the types of its arguments. One that names a type of a module
+    which this process cannot import, as of somebody's script, is taken for an empty one: numba
+    would end there.
     """
     from filelock import FileLock, Timeout
     from numba.core.caching import IndexDataCacheFile
@@ -109,7 +113,16 @@ def let_processes_share() -> None:
         finally:
             lock.release()
 
+    load_index = IndexDataCacheFile._load_index
+
+    def load_what_is_known(self):
+        try:
+            return load_index(self)
+        except (ImportError, AttributeError):
+            return {}
+
     IndexDataCacheFile.save = save  # type: ignore[method-assign]
+    IndexDataCacheFile._load_index = load_what_is_known  # type: ignore[method-assign]
 
 
 def source_key() -> str:

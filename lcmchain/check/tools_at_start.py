@@ -71,6 +71,15 @@ def initial_gaps(
     return _gaps_of_sheets(tools, [(blank, offset)], tool_table, directory)
 
 
+def plies_at_start(
+    scene: Scene, blanks: Sequence[BlankMesh]
+) -> list[tuple[BlankMesh, PlySettings]]:
+    """Return those of the plies of a scene, with their blanks, that are there at the start."""
+    first = {ply.name for ply in stack_at(scene, 0.0)}
+    both = zip(blanks, scene.stack, strict=True)
+    return [(blank, ply) for blank, ply in both if ply.name in first]
+
+
 def gaps_of_stack(
     scene: Scene, blanks: Sequence[BlankMesh], tool_table: ToolTable
 ) -> list[InitialGap]:
@@ -78,12 +87,7 @@ def gaps_of_stack(
 
     blanks : of the plies, as :meth:`lcmchain.scene.plies.PlySettings.build_blank` makes them.
     """
-    first = {ply.name for ply in stack_at(scene, 0.0)}
-    sheets = [
-        (blank, contact_offset(ply))
-        for blank, ply in zip(blanks, scene.stack, strict=True)
-        if ply.name in first
-    ]
+    sheets = [(blank, contact_offset(ply)) for blank, ply in plies_at_start(scene, blanks)]
     return _gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
 
 

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from lcmchain.check.tools_at_start import plies_at_start
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
@@ -68,8 +69,7 @@ def closing_tools(scene: Scene, blanks: Sequence[BlankMesh], model: Model) -> li
     """
     tools = model.tools
     led = np.flatnonzero(~yields(tools)).tolist()
-    first = {ply.name for ply in stack_at(scene, 0.0)}
-    lying = [b for b, ply in zip(blanks, scene.stack, strict=True) if ply.name in first]
+    lying = [blank for blank, _ in plies_at_start(scene, blanks)]
     sides = {k: side_of_sheet(tools, k, lying) for k in led}
     places, times = places_of_sheet(blanks), times_of_motion(tools, model.process_time, TIMES)
     found = []

@@ -312,6 +312,27 @@ def test_code_is_on_disk_before_the_index_names_it(tmp_path, monkeypatch):
     assert cache._load_index() == {}
 
 
+OWN_TYPE = """
+from typing import NamedTuple
+class Place(NamedTuple):
+    x: float
+    y: float
+    z: float
+"""
+ASK = "from lcmchain.elements.vectors import dot; print(dot({}, (1.0, 2.0, 3.0)))"
+
+
+def test_types_of_a_script_do_not_keep_others_from_what_is_compiled(tmp_path):
+    """They are in the index of a function of the package, and this process cannot import them."""
+    (tmp_path / "my_script.py").write_text(OWN_TYPE)
+    own = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    code = f"from my_script import Place; {ASK.format('Place(1.0, 1.0, 1.0)')}"
+    assert cache_folder_of_new_process(code, **own) == "6.0"
+    assert any(b"my_script" in file.read_bytes() for file in tmp_path.rglob("*vectors.dot*.nbi"))
+    code = ASK.format("(2.0, 2.0, 2.0)")
+    assert cache_folder_of_new_process(code, NUMBA_CACHE_DIR=own["NUMBA_CACHE_DIR"]) == "12.0"
+
+
 def test_without_locks_code_is_kept_as_well(tmp_path, monkeypatch):
     def no_locks(self, *_, **__):
         raise NotImplementedError("no locks on this file system")
