@@ -251,23 +251,17 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
     ------
     InputError : names the unit and what to take instead.
     """
-    window, scheme = system.window, system.scheme
-    halves = (window.smallest or window.size) < window.size
-    goes_back = not scheme.explicit or halves or scheme.jumps == "iterated"
+    window, wanted = system.window, _going_back(system)
     seen: dict[str, str] = {}
     for name, part in parts.items():
         able: UnitDescription = part.description
-        if goes_back and not able.can_save:
+        if wanted is not None and not able.can_save:
+            what, key = wanted
             raise InputError(
                 f'unit "{name}" cannot go back to an earlier state (canGetAndSetFMUstate is '
-                f"false), which {_wanted(system)} needs; take scheme.type = "
-                '"jacobi" or "gauss-seidel" with windows of one size and without scheme.jumps, or '
-                "a unit that can",
-                key="scheme.type"
-                if not scheme.explicit
-                else "window.smallest"
-                if halves
-                else "scheme.jumps",
+                f'false), which {what} needs; take scheme.type = "jacobi" or "gauss-seidel" with '
+                "windows of one size and without scheme.jumps, or a unit that can",
+                key=key,
             )
         if window.varies and not able.variable_steps:
             raise InputError(
@@ -289,7 +283,7 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
             )
         if not part.apart:
             seen[part.sha256] = name
-        part.returns = goes_back
+        part.returns = wanted is not None
 
 
 def _tell_loops_of_jumps(
@@ -332,12 +326,16 @@ def _tell_loops_of_jumps(
     )
 
 
-def _wanted(system: System) -> str:
-    if not system.scheme.explicit:
-        return f'the scheme "{system.scheme.type}"'
-    if (system.window.smallest or system.window.size) < system.window.size:
-        return "a window that can be halved (window.smallest)"
-    return 'scheme.jumps = "iterated"'
+def _going_back(system: System) -> tuple[str, str] | None:
+    """Return in words what lets units go back to an earlier state, and its key; None if nothing."""
+    scheme, window = system.scheme, system.window
+    if not scheme.explicit:
+        return f'the scheme "{scheme.type}"', "scheme.type"
+    if (window.smallest or window.size) < window.size:
+        return "a window that can be halved (window.smallest)", "window.smallest"
+    if scheme.jumps == "iterated":
+        return 'scheme.jumps = "iterated"', "scheme.jumps"
+    return None
 
 
 def _require_single(links: list[Link]) -> None:

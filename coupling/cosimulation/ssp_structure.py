@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.physical_units import PhysicalUnit
-from lcmchain.coupling.cosimulation.ssp_names import FMU_TYPE, SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp_names import FMU_TYPE, SSC, SSD, SSM, SSV
 from lcmchain.coupling.cosimulation.ssp_values import (
     KINDS,
     NOT_EXCHANGED,
@@ -18,7 +18,6 @@ from lcmchain.coupling.cosimulation.ssp_values import (
     Items,
     given_of,
     items_of,
-    mapped,
     measures_of,
 )
 from lcmchain.errors import InputError, shortened
@@ -225,11 +224,6 @@ def _transformation(element: Element) -> Transformation:
     return step
 
 
-def _step(element: Element) -> tuple[float, float, bool]:
-    step = _transformation(element)
-    return step.factor, step.offset, step.convert_units
-
-
 # --- parameters -----------------------------------------------------------------------------------
 
 
@@ -254,11 +248,32 @@ def _read_bindings(
             for parameter in values.findall(f"{SSV}Parameters/{SSV}Parameter")
         }
         if mapping is not None:
-            given = mapped(given, mapping, lambda name: load(local_name(name)), _step)
+            given = _mapped(given, mapping, load)
         for name, value in given.items():
             node = _place(structure, path, name)
             if node is not None:
                 structure.values.append((node, value))
+
+
+def _mapped(
+    given: dict[str, Given], mapping: Element, load: Callable[[str], Element]
+) -> dict[str, Given]:
+    """Return the values under the names that a mapping gives them."""
+    inline = mapping.find(f"{SSM}ParameterMapping")
+    root = inline if inline is not None else load(local_name(mapping.get("source", "")))
+    found = {}
+    for entry in root.findall(f"{SSM}MappingEntry"):
+        value = given.get(entry.get("source", ""))
+        if value is None:
+            continue
+        step = _transformation(entry)
+        if (step.factor, step.offset) != (1.0, 0.0):
+            texts = tuple(repr(step.factor * float(text) + step.offset) for text in value.texts)
+            value = replace(value, texts=texts)
+        if not step.convert_units:
+            value = replace(value, unit=None, measure=None)
+        found[entry.get("target", "")] = value
+    return found
 
 
 def _place(structure: Structure, path: Path, name: str) -> Node | None:

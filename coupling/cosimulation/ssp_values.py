@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -15,7 +15,7 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_base,
     unit_from_name,
 )
-from lcmchain.coupling.cosimulation.ssp_names import SSC, SSM, SSV
+from lcmchain.coupling.cosimulation.ssp_names import SSC, SSV
 from lcmchain.errors import InputError, shortened
 
 _WHOLE = tuple(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64))
@@ -121,36 +121,6 @@ def value_of_text(given: Given, text: str, what: str) -> Any:
             known = ", ".join(given.items or ())
             hint = f"; the archive defines {known}" if known else "; give the number of the item"
         raise InputError(f'the value of {what}, "{text}", is no {given.kind}{hint}') from None
-
-
-def mapped(
-    given: dict[str, Given],
-    mapping: Element,
-    load: Callable[[str], Element],
-    step_of: Callable[[Element], tuple[float, float, bool]],
-) -> dict[str, Given]:
-    """Return the values under the names that a mapping gives them.
-
-    Parameters
-    ----------
-    load : returns the root of the file in which the mapping stands, by its name.
-    step_of : factor, offset and whether units are converted, of an entry.
-    """
-    inline = mapping.find(f"{SSM}ParameterMapping")
-    root = inline if inline is not None else load(mapping.get("source", ""))
-    found = {}
-    for entry in root.findall(f"{SSM}MappingEntry"):
-        value = given.get(entry.get("source", ""))
-        if value is None:
-            continue
-        factor, offset, convert = step_of(entry)
-        if (factor, offset) != (1.0, 0.0):
-            texts = tuple(repr(factor * float(text) + offset) for text in value.texts)
-            value = replace(value, texts=texts)
-        if not convert:
-            value = replace(value, unit=None, measure=None)
-        found[entry.get("target", "")] = value
-    return found
 
 
 def items_of(element: Element, space: str) -> dict[str, dict[str, int]]:

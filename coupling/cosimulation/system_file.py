@@ -323,13 +323,6 @@ class System(SceneModel):
         """Return the units of measurement that the archive of the system defines, by name."""
         return self._measures
 
-    def with_connections(self, connections: Sequence[ConnectionEntry]) -> System:
-        """Return the same system with other connections."""
-        other = self.model_copy(update={"connections": tuple(connections)})
-        other._directory, other._source = self._directory, self._source
-        other._remarks, other._measures = self._remarks, self._measures
-        return other
-
     def digest(self) -> str:
         """Return a hash of all that decides the numbers of a run."""
         apart = {"units": {"__all__": {"process", "step_limit"}}}

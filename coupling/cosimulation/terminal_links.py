@@ -31,12 +31,12 @@ def with_variables(system: System, descriptions: Mapping[str, UnitDescription]) 
     """
     if not any(entry.is_of_terminals for entry in system.connections):
         return system
-    connections = [
+    connections = tuple(
         entry
         for given in system.connections
         for entry in (_connected(given, descriptions) if given.is_of_terminals else (given,))
-    ]
-    return system.with_connections(connections)
+    )
+    return system.model_copy(update={"connections": connections})
 
 
 def _connected(

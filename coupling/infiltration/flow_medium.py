@@ -152,13 +152,19 @@ class Sinking:
         self._down = down[rows]
         source = np.where(self._down, links.above[rows], links.below[rows])
         target = np.where(self._down, links.below[rows], links.above[rows])
-        self._fill, self._pores = fill[target], pores[target]
-        self._air, self._step = air[target], step
+        self._fill, self._pores, self._step = fill[target], pores[target], step
+        #: Pressure less ρ g·x of the air that each column is filled against [Pa], (P,).
+        self.air = air[target]
         self._through = flow[rows] / FULL_COLUMN
         begun = self._through / np.maximum(self._fill, FIRST_FILL)
         self.columns = Columns(
             first + rows, source, target, np.where(self._down, begun, flow[rows])
         )
+
+    def flow(self, potential: np.ndarray) -> np.ndarray:
+        """Flow into the columns [m3/s], (P,), under these potentials (N,) [Pa]."""
+        columns = self.columns
+        return columns.conductance * (potential[columns.source] - self.air)
 
     def agree(self, potential: np.ndarray) -> None:
         """Take the mean conductance over the step under these potentials (N,) [Pa].
@@ -166,7 +172,7 @@ class Sinking:
         F² grows by 2 A K₃ (p - p_v) Δt / (µ h) over the pores, which gives the mean flow.
         """
         columns = self.columns
-        drive = potential[columns.source] - self._air
+        drive = potential[columns.source] - self.air
         grown = 2.0 * self._through * np.maximum(drive, 0.0) * self._step / self._pores
         end = np.sqrt(self._fill**2 + grown)
         # in this form the difference keeps its digits where little enters

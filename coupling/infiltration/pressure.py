@@ -324,12 +324,11 @@ class _System:
         columns = [i, j, j, i, source, touched, shared.col]
         entries = [flow, flow, -flow, -flow, own, boundary.contact[touched], shared.data]
         if boundary.sinking is not None:
-            columns_ = boundary.sinking.columns
-            rows.append(columns_.source)
-            columns.append(columns_.source)
-            entries.append(columns_.conductance)
-            dry = (boundary.air - boundary.height)[columns_.target]
-            right += np.bincount(columns_.source, columns_.conductance * dry, minlength=self.count)
+            sinks, air = boundary.sinking.columns, boundary.sinking.air
+            rows.append(sinks.source)
+            columns.append(sinks.source)
+            entries.append(sinks.conductance)
+            right += np.bincount(sinks.source, sinks.conductance * air, minlength=self.count)
         if boundary.lift is not None:
             self._add_lift(boundary.lift, rows, columns, entries, right)
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(entries), right
@@ -425,12 +424,10 @@ class _System:
 
     def _sink(self, potential: np.ndarray, along: np.ndarray) -> tuple[Columns | None, np.ndarray]:
         """Flow through the thickness [m3/s], (P,); writes it into that of all edges (E,)."""
-        boundary = self.boundary
-        if boundary.sinking is None:
+        sinking = self.boundary.sinking
+        if sinking is None:
             return None, np.zeros(0)
-        columns = boundary.sinking.columns
-        dry = (boundary.air - boundary.height)[columns.target]
-        sunk = columns.conductance * (potential[columns.source] - dry)
+        columns, sunk = sinking.columns, sinking.flow(potential)
         forth = self.edge_first[columns.edge] == columns.source
         along[columns.edge] = np.where(forth, sunk, -sunk)
         return columns, sunk

@@ -76,8 +76,7 @@ def cosim(
 
 @contextmanager
 def _read(path: Path, overrides: Any) -> Iterator[Any]:
-    """Read a system, told by its content; an SSP archive stays unpacked within the block."""
-    path = _file_of(path)
+    """Read a file, told by its content; an SSP archive stays unpacked within the block."""
     if not path.is_file():
         raise InputError("there is no such file", file=path)
     kind = _kind(path)

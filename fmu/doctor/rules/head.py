@@ -100,7 +100,6 @@ def definitions(interface: Interface) -> Iterator[str]:
         for key in ("name", "value"):
             for text in repeated(row.get(key, "") for row in rows):
                 yield f'the {key} "{text}" stands twice in the enumeration {name}'
-    named = {entry.name for entry in interface.variables}
     for name in interface.types:
-        if name in named:
+        if name in interface.by_name:
             yield f'"{name}" is a type and a variable'

@@ -105,6 +105,7 @@ class Interface:
         )
         # the first of those that share one, which FMI 3.0 does not allow
         self.by_reference = {entry.reference: entry for entry in reversed(self.variables)}
+        self.by_name = {entry.name: entry for entry in self.variables}
         self.units = {e.get("name", ""): e for e in root.findall("UnitDefinitions/Unit")}
         self.types = {e.get("name", ""): self._type(e) for e in root.find("TypeDefinitions") or ()}
         self.kinds = tuple(
@@ -130,6 +131,17 @@ class Interface:
             return own
         _, inherited, _ = self.types.get(entry.attributes.get("declaredType", ""), ("", {}, ()))
         return inherited.get(attribute)
+
+    def stated(self, *names: str) -> Iterator[tuple[str, str, tuple[str | None, ...]]]:
+        """Yield who states one of some attributes, its kind, and all of them as they hold there.
+
+        Types come first; a variable that states none of them has those of its type.
+        """
+        for name, (kind, attributes, _) in self.types.items():
+            yield f"the type {name}", kind, tuple(map(attributes.get, names))
+        for entry in self.variables:
+            if not entry.attributes.keys().isdisjoint(names):
+                yield str(entry), entry.kind, tuple(self.effective(entry, n) for n in names)
 
     def unknowns(self, kind: str) -> list[Unknown]:
         """Return the entries of a list of the model structure, by its name in FMI 3.0."""

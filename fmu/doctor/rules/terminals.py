@@ -47,7 +47,6 @@ def _level(interface: Interface, listed: list[Element], outer: str) -> Iterator[
 
 
 def _members(interface: Interface, element: Element, name: str, matching: str) -> Iterator[str]:
-    variables = {entry.name: entry for entry in interface.variables}
     members = element.findall("TerminalMemberVariable")
     streams = element.findall("TerminalStreamMemberVariable")
     if matching in ("plug", "bus"):
@@ -67,7 +66,7 @@ def _members(interface: Interface, element: Element, name: str, matching: str) -
         used.append((stream.get("inStreamVariableName", ""), ("input", "parameter")))
         used.append((stream.get("outStreamVariableName", ""), ("output", "calculatedParameter")))
     for variable, allowed in used:
-        entry = variables.get(variable)
+        entry = interface.by_name.get(variable)
         if entry is None:
             yield f'{name} has the variable "{variable[:60]}", which there is not'
         elif entry.causality not in allowed:

@@ -134,16 +134,7 @@ def _problem(interface: Interface, entry: Entry, text: str) -> str:
 @rule("limits", "min and max that are numbers of the type, min not above max",
       "FMI 2.0.5, 2.2.3; FMI 3.0.2, 2.4.4")  # fmt: skip
 def limits(interface: Interface) -> Iterator[str]:
-    kinds = [
-        (f"the type {name}", kind, attributes.get("min"), attributes.get("max"))
-        for name, (kind, attributes, _) in interface.types.items()
-    ]
-    kinds += [
-        (str(entry), entry.kind, interface.effective(entry, "min"),
-         interface.effective(entry, "max"))
-        for entry in interface.variables if not {"min", "max"}.isdisjoint(entry.attributes)
-    ]  # fmt: skip
-    for what, kind, least, most in kinds:
+    for what, kind, (least, most) in interface.stated("min", "max"):
         low, high = _RANGES.get(kind, (-math.inf, math.inf))
         values = [number(text) for text in (least, most) if text is not None]
         if any(value is None or not low <= value <= high for value in values):
@@ -193,13 +184,7 @@ def declared_types(interface: Interface) -> Iterator[str]:
 def units(interface: Interface) -> Iterator[str]:
     told: set[str] = set()
     refused: set[tuple[str | None, str]] = set()
-    owners = [(f"the type {name}", attributes.get("unit"), attributes.get("displayUnit"))
-              for name, (_, attributes, _) in interface.types.items()]  # fmt: skip
-    owners += [
-        (str(entry), interface.effective(entry, "unit"), interface.effective(entry, "displayUnit"))
-        for entry in interface.variables
-    ]
-    for what, unit, shown in owners:
+    for what, _, (unit, shown) in interface.stated("unit", "displayUnit"):
         if unit is not None and unit not in interface.units and unit not in told:
             told.add(unit)
             yield f'the unit "{unit}" of {what} is not defined'
