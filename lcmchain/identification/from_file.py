@@ -63,7 +63,6 @@ SIZES: dict[str, tuple[Dimension, Any, str]] = {
     "angle": (ANGLE, "41.5 deg", "default, ISO 9073-7"),
 }
 
-
 NOTHING_ASKED = Wish()
 #: Tests that tell the shear polynomial, and the sizes of their specimens.
 TESTS = {
@@ -102,7 +101,8 @@ def identify_shear_file(
     _require_choice("--convention", convention, ("engineering", "tensor"))
     _require_fraction("--noise-floor", noise_floor)
     _require_choice("--test", test, TESTS)
-    values, inputs = _sizes(_suited(sizes, TESTS[test]), TESTS[test])
+    _require_sizes_of(TESTS[test], sizes)
+    values, inputs = _sizes(sizes, TESTS[test])
     specimen: shear.Specimen
     if test == "picture-frame":
         specimen = PictureFrame(**values)
@@ -124,19 +124,6 @@ def identify_shear_file(
         ),
         data, _with_file(inputs, data), rows, axes, shear.MINIMUM_ROWS,
     )  # fmt: skip
-
-
-def _suited(sizes: Mapping[str, str | None], names: tuple[str, ...]) -> Mapping[str, str | None]:
-    """Return sizes of which none is given that a test does not have.
-
-    Raises
-    ------
-    InputError : one is.
-    """
-    for name, text in sizes.items():
-        if text is not None and name not in names:
-            raise InputError("is no size of this --test", key="--" + name.replace("_", "-"))
-    return sizes
 
 
 def identify_viscous_file(
@@ -420,6 +407,12 @@ def _with_file(rows, data) -> tuple:
 def _require_choice(option: str, value: str, choices) -> None:
     if value not in choices:
         raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
+
+
+def _require_sizes_of(names: tuple[str, ...], sizes: Mapping[str, str | None]) -> None:
+    for name, text in sizes.items():
+        if text is not None and name not in names:
+            raise InputError("is no size of this --test", key="--" + name.replace("_", "-"))
 
 
 def _require_fraction(option: str, value: float) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -17,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame, shear_strain
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.entering_rows import SHOWN
 from lcmchain.identification.lack_of_fit import (
     LackOfFit,
     falling_row,
@@ -446,22 +446,11 @@ def _shear_warnings(fit: Fit, angle: np.ndarray) -> list[str]:
     return found
 
 
-class _Axis(NamedTuple):
-    label: str
-    factor: float
-
-
-def _drawn(data: CouponData) -> tuple[np.ndarray, _Axis]:
-    """Return what the rows are drawn over, and its axis."""
-    if "displacement" in data:
-        return data["displacement"], _Axis("displacement [mm]", 1e3)
-    return data["shear angle"], _Axis("shear angle [deg]", 180.0 / math.pi)
-
-
 def _panels(
     data, specimen, angle, coefficients, spread, residuals, factor, share, judgement: _Judgement
 ):
-    driven, unit = _drawn(data)
+    name = "displacement" if "displacement" in data else "shear angle"
+    driven, (label, _, unit) = data[name], SHOWN[name]
     way = np.linspace(0.0, driven.max(), 201)[1:]
     way_angle = specimen.shear_angle(way) if "displacement" in data else way
     design = force_design(specimen, way_angle, factor)
@@ -479,30 +468,30 @@ def _panels(
             low, high = np.fmin(low, curve) - missed, np.fmax(high, curve) + missed
         return Band(x, scale * curve, label, scale * low, scale * high)
 
-    u = unit.factor * driven
+    u = unit * driven
     degrees = np.degrees(angle)
     secant = stress / (factor * shear_strain(angle))
-    name = "Eq. (22) of the data" + (", as printed" if share != 1.0 else "")
+    stress_name = "Eq. (22) of the data" + (", as printed" if share != 1.0 else "")
     if isinstance(specimen, PictureFrame):
-        name = "from the force"
+        stress_name = "from the force"
     return (
         Panel(
-            unit.label, "force [N]",
+            label, "force [N]",
             (Points(u, data["force"], "measured", data.specimen),),
-            (band(unit.factor * way, design, 1.0, "fit", way_angle),),
+            (band(unit * way, design, 1.0, "fit", way_angle),),
         ),
         Panel(
             "shear angle [deg]", "shear stress S12 [MPa]",
-            (Points(degrees, 1e-6 * stress, name, data.specimen),),
+            (Points(degrees, 1e-6 * stress, stress_name, data.specimen),),
             (band(np.degrees(law_angle), law, 1e-6, "law", law_angle),), data_end=end,
         ),
         Panel(
-            unit.label, "residual [%]",
+            label, "residual [%]",
             (Points(u, 100.0 * residuals, "measured", data.specimen),), is_residual=True,
         ),
         Panel(
             "shear angle [deg]", "shear stiffness C12 [MPa]",
-            (Points(degrees, 1e-6 * secant, name, data.specimen),),
+            (Points(degrees, 1e-6 * secant, stress_name, data.specimen),),
             (band(np.degrees(law_angle), stiffness, 1e-6, "law", law_angle),), data_end=end,
         ),
     )  # fmt: skip

@@ -23,6 +23,8 @@ SOLID_EDGES = {
         *[(0, 4), (1, 5), (2, 6), (3, 7)],
     ],
 }
+# Places of the edges of the upper face among those of a solid, from and to.
+_UPPER_EDGES = {"hexahedron": (4, 8), "wedge": (3, 6)}
 
 #: Faces of the solids, their normals outwards.
 SOLID_FACES: dict[str, list[tuple[int, ...]]] = {
@@ -63,3 +65,22 @@ def reordered(name: str, corners: list[int], edges: list[tuple[int, int]]) -> np
         place = {frozenset(edge): len(corners) + k for k, edge in enumerate(edges)}
         order += [place[frozenset((corners[a], corners[b]))] for a, b in SOLID_EDGES[shape]]
     return np.array(order)
+
+
+def edges_across_first(name: str, node_count: int) -> np.ndarray:
+    """Places of VTK's nodes in the order of Exodus and CGNS.
+
+    They list the mid-side nodes of the edges across before those of the upper face.
+
+    Parameters
+    ----------
+    name : of the cell type. node_count : of a cell of the file, those in its faces too.
+    """
+    shape = base_type(name)
+    if name == shape or shape not in SOLID_EDGES:
+        return np.arange(node_count)
+    edges = SOLID_EDGES[shape]
+    if shape in _UPPER_EDGES:
+        first, end = _UPPER_EDGES[shape]
+        edges = [*edges[:first], *edges[end:], *edges[first:end]]
+    return reordered(name, list(range(corner_count(name))), edges)

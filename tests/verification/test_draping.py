@@ -15,35 +15,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from draped_tools import CONE, CYLINDER, DOME, ON_CONE, PLATE, RADIUS, SCENE, draped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from lcmchain.draping import drape
 from lcmchain.scene import scene_from_text
-
-RADIUS = 75.502e-3  # of the mid-surface: 75 mm and half the thickness
-SCENE = """
-[process]
-time = "1 s"
-[blank]
-size = ["SIZE mm", "SIZE mm"]
-edge_length = "EDGE mm"
-fibre_angle = "ANGLE deg"
-height = "2 mm"
-[material]
-preset = "MD600"
-[draping]
-surface = "tool"
-[[tools]]
-name = "tool"
-"""
-DOME = 'shape = { type = "sphere_capped_punch", radius = "75 mm" }\naxis = [0, 0, -1]\n'
-
-
-def draped(tool, *overrides, size=200, edge=5.0, angle=0.0):
-    text = SCENE.replace("SIZE", f"{size:g}").replace("EDGE", f"{edge:g}")
-    return drape(scene_from_text(text.replace("ANGLE", f"{angle:g}") + tool, overrides=overrides))
 
 
 @cache
@@ -120,16 +98,8 @@ def test_bars_keep_their_length():
         assert np.nanmax(np.abs(bars / wanted - 1.0)) < 1e-10
 
 
-CYLINDER = (
-    'shape = { type = "cylinder", radius = "40 mm" }\naxis = [1, 0, 0]\nposition = "0 0 -42 mm"\n'
-)
-CONE = 'shape = { type = "cone", half_angle = "35 deg", tip_radius = "0 mm" }\naxis = [0, 0, -1]\n'
-ON_CONE = ('draping.place=["100 mm", "0 mm", "-140 mm"]', "draping.seed=[0.0, 0.0]")
-
-
 def test_a_plane_is_draped_without_shear():
-    plate = 'shape = { type = "plate", side = "below" }\n'
-    found = draped(plate, angle=27)
+    found = draped(PLATE, angle=27)
     assert np.abs(found.shear_angle).max() < 1e-12
     assert np.allclose(found.positions[:, :2], found.mesh.node_positions[:, :2], atol=1e-12)
 
@@ -138,7 +108,6 @@ def test_a_plane_is_draped_without_shear():
 @pytest.mark.parametrize(("tool", "overrides"), [(CYLINDER, ()), (CONE, ON_CONE)])
 def test_developable_surfaces_are_draped_without_shear(tool, overrides, angle):
     """In whatever direction the net begins; the little that bars make of it falls with h²."""
-    overrides = [text.replace("0.0", '"0 mm"') for text in overrides]
     errors = [
         np.abs(draped(tool, *overrides, size=60, edge=edge, angle=angle).shear_angle).max()
         for edge in (4.0, 2.0)

@@ -15,6 +15,7 @@ import warnings
 
 import numpy as np
 import pytest
+from draped_tools import CYLINDER, DOME, PLATE, PRE_SHEAR, RADIUS, text_of
 
 from lcmchain.check import check_scene
 from lcmchain.draping import drape
@@ -25,30 +26,8 @@ from lcmchain.pattern.tables import rim_table
 from lcmchain.pipeline import run
 from lcmchain.scene import on_rung, scene_from_text
 
-RADIUS = 75.502e-3  # of the mid-surface of the dome: 75 mm and half the thickness
-SCENE = """
-title = "courses"
-element = "kinematic"
-[process]
-time = "1 s"
-[blank]
-size = ["60 mm", "48 mm"]
-edge_length = "2 mm"
-fibre_angle = "0 deg"
-height = "2 mm"
-[material]
-preset = "MD600"
-[draping]
-surface = "tool"
-[[tools]]
-name = "tool"
-"""
-DOME = 'shape = { type = "sphere_capped_punch", radius = "75 mm" }\naxis = [0, 0, -1]\n'
-CYLINDER = (
-    'shape = { type = "cylinder", radius = "40 mm" }\naxis = [1, 0, 0]\nposition = "0 0 -42 mm"\n'
-)
-PLATE = 'shape = { type = "plate", side = "below" }\n'
-PRE_SHEAR = "draping.pre_shear=20 deg"
+HEAD = 'title = "courses"\nelement = "kinematic"\n'
+STRIP = 'blank.size=["60 mm", "48 mm"]'
 
 
 def course(name, low, high, more=""):
@@ -64,7 +43,7 @@ LAPPED = courses(course("left", -24, 2), course("right", -4, 24))
 
 
 def scene(tool, *overrides):
-    return scene_from_text(SCENE + tool, overrides=overrides)
+    return scene_from_text(HEAD + text_of(tool, edge=2), overrides=(STRIP, *overrides))
 
 
 def joints(tool, *overrides):

@@ -9,42 +9,13 @@ sphere two geodesics under ω0 give a function of s = u v/R² alone,
 
 import numpy as np
 import pytest
+from draped_tools import CONE, CYLINDER, DOME, ON_CONE, PLATE, PRE_SHEAR, RADIUS, draped, text_of
 from scipy.integrate import solve_ivp
 
-from lcmchain.draping import drape
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text
 
-RADIUS = 75.502e-3  # of the mid-surface of the dome: 75 mm and half the thickness
-SCENE = """
-[process]
-time = "1 s"
-[blank]
-size = ["SIZE mm", "SIZE mm"]
-edge_length = "EDGE mm"
-fibre_angle = "ANGLE deg"
-height = "2 mm"
-[material]
-preset = "MD600"
-[draping]
-surface = "tool"
-[[tools]]
-name = "tool"
-"""
-DOME = 'shape = { type = "sphere_capped_punch", radius = "75 mm" }\naxis = [0, 0, -1]\n'
-CYLINDER = (
-    'shape = { type = "cylinder", radius = "40 mm" }\naxis = [1, 0, 0]\nposition = "0 0 -42 mm"\n'
-)
-CONE = 'shape = { type = "cone", half_angle = "35 deg", tip_radius = "0 mm" }\naxis = [0, 0, -1]\n'
-ON_CONE = ('draping.place=["100 mm", "0 mm", "-140 mm"]', 'draping.seed=["0 mm", "0 mm"]')
-PLATE = 'shape = { type = "plate", side = "below" }\n'
 SHEARED = np.radians(20.0)
-PRE_SHEAR = "draping.pre_shear=20 deg"
-
-
-def draped(tool, *overrides, size=200, edge=5.0, angle=0.0):
-    text = SCENE.replace("SIZE", f"{size:g}").replace("EDGE", f"{edge:g}")
-    return drape(scene_from_text(text.replace("ANGLE", f"{angle:g}") + tool, overrides=overrides))
 
 
 def shear_on_sphere(begin, u, v):
@@ -193,9 +164,8 @@ def test_the_seed_comes_to_lie_on_the_line_and_fibre_2_across_it():
     ],
 )
 def test_wrong_entries_are_refused_by_name(entries, key, words):
-    text = SCENE.replace("SIZE", "60").replace("EDGE", "5").replace("ANGLE", "0") + PLATE
     with pytest.raises(InputError, match=words) as error:
-        scene_from_text(text, overrides=entries)
+        scene_from_text(text_of(PLATE, size=60), overrides=entries)
     assert key in f"{error.value}"
 
 

@@ -15,7 +15,8 @@ from lcmchain.mesh_files.file_mesh import (
     unique_nodes,
 )
 from lcmchain.mesh_files.readers.abaqus_scope import Scope
-from lcmchain.mesh_files.readers.abaqus_sets import DeckSets, Placed, listed
+from lcmchain.mesh_files.readers.abaqus_sets import DeckSets, Placed
+from lcmchain.mesh_files.readers.numbered_sets import listed
 from lcmchain.mesh_files.shapes import SURFACE_CORNERS, base_type
 
 

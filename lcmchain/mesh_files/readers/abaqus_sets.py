@@ -17,6 +17,7 @@ from lcmchain.mesh_files.file_mesh import (
 )
 from lcmchain.mesh_files.readers.abaqus_elements import FACES
 from lcmchain.mesh_files.readers.abaqus_scope import Entry, Scope, Side
+from lcmchain.mesh_files.readers.numbered_sets import listed
 from lcmchain.mesh_files.shapes import SOLID_CORNERS, base_type, corner_count
 
 
@@ -292,7 +293,3 @@ def face_nodes(
             return None
         found.append(nodes[own][:, list(corners)].reshape(-1))
     return np.unique(np.concatenate(found))
-
-
-def listed(names: list[str]) -> str:
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

@@ -183,12 +183,11 @@ def _read(path: Path, file_format: str | None, file: Path) -> meshio.Mesh:
             raise InputError(NO_CELLS, file=path) from None
         reason = said.getvalue().strip() or str(error) or type(error).__name__
         reason = shortened(" ".join(reason.replace("Error: ", "").split()), 300)
-        title = FORMATS[file_format].title if file_format in FORMATS else "mesh"
-        known = (
-            ""
-            if file_format in FORMATS
-            else (f". Read are: {known_formats(meshio.extension_to_filetypes)}")
-        )
+        if file_format in FORMATS:
+            title, known = FORMATS[file_format].title, ""
+        else:
+            title = "mesh"
+            known = f". Read are: {known_formats(meshio.extension_to_filetypes)}"
         raise InputError(
             f"cannot be read as a {title} ({reason}); check that the file is complete{known}",
             file=path,

@@ -15,7 +15,8 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
-from lcmchain.mesh_files.shapes import SOLID_EDGES, base_type, corner_count, reordered
+from lcmchain.mesh_files.readers.binary_files import only_sound
+from lcmchain.mesh_files.shapes import edges_across_first
 
 #: Types by their number: meshio's name without nodes in the middle of faces and solids, and nodes.
 _TYPES = {
@@ -28,8 +29,6 @@ _TYPES = {
 _MIXED = 20
 #: Faces of any number of corners, and what they enclose: their elements are left aside.
 _POLYGONS = {22: "NGON", 23: "NFACE"}
-# CGNS lists the mid-side nodes of the edges across before those of the upper face.
-_ACROSS_FIRST = {"hexahedron": (4, 8), "wedge": (3, 6)}
 _METRES = {"Meter": 1.0, "Centimeter": 1e-2, "Millimeter": 1e-3, "Foot": 0.3048, "Inch": 0.0254}
 
 
@@ -40,17 +39,8 @@ def read_cgns(path: Path) -> FileMesh:
     ------
     InputError : the file is broken, structured, or has no mesh or several.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return _Reader(file, path).mesh
-    except InputError:
-        raise
-    except Exception as error:  # h5py and numpy raise what the damage makes of the file
-        raise InputError(
-            "cannot read the mesh: no sound CGNS file "
-            f"({' '.join(str(error).split())[:200]}); export it again",
-            file=path,
-        ) from None
+    with only_sound("CGNS", path), h5py.File(path, "r") as file:
+        return _Reader(file, path).mesh
 
 
 def _label(group: Any) -> str:
@@ -145,7 +135,7 @@ class _Reader:
                         "export it again",
                         file=self.path,
                     )
-                table = nodes[:, _order(name_of_type, nodes.shape[1])] - 1 + first_node
+                table = nodes[:, edges_across_first(name_of_type, nodes.shape[1])] - 1 + first_node
                 self.mesh.blocks.append((name_of_type, table))
                 rows_of[first + ordinals] = row + np.arange(len(table))
             self.mesh.parts[prefix + name] = np.arange(begun, self.mesh.cell_count)
@@ -202,15 +192,3 @@ class _Reader:
             what = "elements that are left aside" if of_elements else "nodes that do not exist"
             self.mesh.notes_of_sets.append(f"{name} lists {len(every) - len(rows)} {what}")
         sets[name] = np.union1d(sets.get(name, NO_IDS), rows)
-
-
-def _order(name: str, node_count: int) -> np.ndarray:
-    """Places of VTK's nodes among those of CGNS."""
-    shape = base_type(name)
-    if name == shape or shape not in SOLID_EDGES:
-        return np.arange(node_count)
-    edges = SOLID_EDGES[shape]
-    if shape in _ACROSS_FIRST:
-        lower, upper = _ACROSS_FIRST[shape]
-        edges = [*edges[:lower], *edges[upper:], *edges[lower:upper]]
-    return reordered(name, list(range(corner_count(name))), edges)

@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from lcmchain.errors import InputError
+
+_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
+
+
+def real_number(text: str) -> float:
+    """Return a real number as Fortran writes it; ``1.5-3`` and ``1.5D-3`` are 1.5e-3.
+
+    Raises
+    ------
+    ValueError : it is none.
+    """
+    found = _REAL.fullmatch(text)
+    if found is None:
+        raise ValueError(text)
+    return float(found[1] + ("e" + found[2] if found[2] else ""))
 
 
 def deck_lines(path: Path) -> list[str]:

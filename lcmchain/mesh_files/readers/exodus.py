@@ -11,9 +11,9 @@ from typing import Any
 import netCDF4
 import numpy as np
 
-from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
-from lcmchain.mesh_files.shapes import SOLID_EDGES, base_type, corner_count, reordered
+from lcmchain.mesh_files.readers.binary_files import only_sound
+from lcmchain.mesh_files.shapes import base_type, corner_count, edges_across_first
 
 _SHAPES = {
     "HEX": {8: "hexahedron", 20: "hexahedron20", 27: "hexahedron20"},
@@ -39,8 +39,6 @@ _SIDES: dict[str, list[tuple[int, ...]]] = {
     "wedge": [(0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2), (0, 2, 1), (3, 4, 5)],
     "pyramid": [(0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 4, 3), (0, 3, 2, 1)],
 }
-# Exodus lists the mid-side nodes of the edges across before those of the upper face.
-_ACROSS_FIRST = {"hexahedron": (4, 8), "wedge": (3, 6)}
 
 
 def read_exodus(path: Path) -> FileMesh:
@@ -50,18 +48,9 @@ def read_exodus(path: Path) -> FileMesh:
     ------
     InputError : the file is no Exodus file, or broken.
     """
-    try:
-        with netCDF4.Dataset(path) as file:
-            file.set_auto_mask(False)
-            return _mesh(file)
-    except InputError:
-        raise
-    except Exception as error:  # netCDF4 and numpy raise what the damage makes of the file
-        raise InputError(
-            "cannot read the mesh: no sound Exodus file "
-            f"({' '.join(str(error).split())[:200]}); export it again",
-            file=path,
-        ) from None
+    with only_sound("Exodus", path), netCDF4.Dataset(path) as file:
+        file.set_auto_mask(False)
+        return _mesh(file)
 
 
 def _mesh(file: Any) -> FileMesh:
@@ -83,7 +72,7 @@ def _mesh(file: Any) -> FileMesh:
             mesh.left_aside[label] = mesh.left_aside.get(label, 0) + len(nodes)
             rows_of_file.append(np.full(len(nodes), -1))
             continue
-        mesh.blocks.append((shape, nodes[:, _order(shape, nodes.shape[1])]))
+        mesh.blocks.append((shape, nodes[:, edges_across_first(shape, nodes.shape[1])]))
         kinds += [kind] * len(nodes)
         mesh.parts[name] = np.arange(first, first + len(nodes))
         rows_of_file.append(mesh.parts[name])
@@ -103,18 +92,6 @@ def _points(file: Any) -> np.ndarray:
     columns = [np.asarray(file.variables[f"coord{axis}"][:], dtype=float)
                for axis in "xyz" if f"coord{axis}" in file.variables]  # fmt: skip
     return np.stack(columns, axis=1)
-
-
-def _order(name: str, node_count: int) -> np.ndarray:
-    """Places of VTK's nodes among Exodus'."""
-    shape = base_type(name)
-    if name == shape or shape not in SOLID_EDGES:
-        return np.arange(node_count)
-    edges = SOLID_EDGES[shape]
-    if shape in _ACROSS_FIRST:
-        lower, upper = _ACROSS_FIRST[shape]
-        edges = [*edges[:lower], *edges[upper:], *edges[lower:upper]]
-    return reordered(name, list(range(corner_count(name))), edges)
 
 
 def _names(file: Any, names: str, numbers: str, count: int, kind: str) -> list[str]:

@@ -160,9 +160,7 @@ def _next(lines: Iterator[Line], block: Block, what: str) -> Line:
 
 
 def _shells(deck: _Deck, block: Block) -> Iterator[Element]:
-    options = block.option("ELEMENT_SHELL")
-    if unknown := options - _SHELL_OPTIONS:
-        raise block.error(f"has the option {min(unknown)}, which is not read; export plain shells")
+    options = block.options("ELEMENT_SHELL", _SHELL_OPTIONS, "shells")
     lines = _joined(block)
     widths = _element_widths(block)
     for line in lines:
@@ -201,9 +199,7 @@ def _shell(
 
 
 def _solids(deck: _Deck, block: Block) -> Iterator[Element]:
-    options = block.option("ELEMENT_SOLID")
-    if unknown := options - _SOLID_OPTIONS.keys():
-        raise block.error(f"has the option {min(unknown)}, which is not read; export plain solids")
+    options = block.options("ELEMENT_SOLID", _SOLID_OPTIONS, "solids")
     further = sum(_SOLID_OPTIONS[option] for option in options)
     lines = _joined(block)
     widths = _element_widths(block)
@@ -245,9 +241,7 @@ def _solid(
 
 
 def _thick_shells(deck: _Deck, block: Block) -> Iterator[Element]:
-    options = block.option("ELEMENT_TSHELL")
-    if unknown := options - {"BETA"}:
-        raise block.error(f"has the option {min(unknown)}, which is not read; export plain shells")
+    options = block.options("ELEMENT_TSHELL", {"BETA"}, "shells")
     lines = _joined(block)
     for line in lines:
         numbers = _padded(line.wholes(_element_widths(block)))

@@ -6,18 +6,16 @@ i10 formats, *INCLUDE, *INCLUDE_PATH.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import Place
-from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.deck_text import deck_lines, real_number
 
 DEEPEST_INCLUDE = 20
-_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
 #: Behind a keyword: the format of this block alone.
 _SUFFIXES = {"+": "long", "-": "standard", "%": "i10"}
 #: Included files that move, renumber or hide a mesh.
@@ -75,14 +73,14 @@ class Line(NamedTuple):
         """
         if not entry:
             return 0.0
-        found = _REAL.fullmatch(entry)
-        if found is None:
+        try:
+            return real_number(entry)
+        except ValueError:
             raise self.place.error(
                 f'"{entry[:40]}" is no number'
                 + ("; write the value of the parameter" if "&" in entry else
                    "; entries stand in columns or between commas")
-            )  # fmt: skip
-        return float(found[1] + ("e" + found[2] if found[2] else ""))
+            ) from None  # fmt: skip
 
 
 @dataclass
@@ -116,9 +114,24 @@ class Block:
         width = {"long": 20, "i10": i10 or usual}.get(self.format, usual)
         return [width] * count
 
-    def option(self, base: str) -> set[str]:
-        """Return the options behind a keyword."""
-        return {word for word in self.keyword[len(base) :].split("_") if word}
+    def options(self, base: str, known: Iterable[str], plain: str) -> set[str]:
+        """Return the options behind a keyword.
+
+        Parameters
+        ----------
+        base : the keyword without options. known : options that are read.
+        plain : elements to export where there is another one.
+
+        Raises
+        ------
+        InputError : one is not read.
+        """
+        found = {word for word in self.keyword[len(base) :].split("_") if word}
+        if unknown := found.difference(known):
+            raise self.error(
+                f"has the option {min(unknown)}, which is not read; export plain {plain}"
+            )
+        return found
 
 
 class _Deck:

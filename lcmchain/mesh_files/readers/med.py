@@ -15,6 +15,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
+from lcmchain.mesh_files.readers.binary_files import only_sound
 from lcmchain.mesh_files.shapes import SOLID_EDGES, reordered
 
 _TYPES = {
@@ -38,17 +39,8 @@ def read_med(path: Path) -> FileMesh:
     ------
     InputError : the file is no MED file, is broken, or holds no mesh or several.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return _mesh(file, path)
-    except InputError:
-        raise
-    except Exception as error:  # h5py and numpy raise what the damage makes of the file
-        raise InputError(
-            f"cannot read the mesh: no sound MED file ({' '.join(str(error).split())[:200]})"
-            "; export it again",
-            file=path,
-        ) from None
+    with only_sound("MED", path), h5py.File(path, "r") as file:
+        return _mesh(file, path)
 
 
 def _mesh(file: Any, path: Path) -> FileMesh:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from lcmchain.mesh_files.file_mesh import Place
-
-_REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
+from lcmchain.mesh_files.readers.deck_text import real_number
 
 
 @dataclass
@@ -52,7 +50,9 @@ class Card:
         text = self.text(field)
         if not text:
             return 0.0
-        found = _REAL.fullmatch(text)
-        if found is None:
-            raise self.place.error(f'field {field + 2} of {self.name} is "{text}", not a number')
-        return float(found[1] + ("e" + found[2] if found[2] else ""))
+        try:
+            return real_number(text)
+        except ValueError:
+            raise self.place.error(
+                f'field {field + 2} of {self.name} is "{text}", not a number'
+            ) from None

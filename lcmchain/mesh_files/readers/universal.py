@@ -27,7 +27,7 @@ from lcmchain.mesh_files.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.deck_text import deck_lines, real_number
 from lcmchain.mesh_files.readers.numbered_sets import NumberedSets, listed
 
 _NODES_IN_ONE_LINE, _NODES, _ELEMENTS = (15,), (781, 2411), (780, 2412)
@@ -91,7 +91,8 @@ def read_universal(path: Path) -> FileMesh:
     ------
     InputError : wrong or incomplete data, or no mesh at all; names file and line.
     """
-    known = {*_NODES_IN_ONE_LINE, *_NODES, *_ELEMENTS, *_GROUPS, _UNITS, _HEADER, _SYSTEMS}
+    known = {*_NODES_IN_ONE_LINE, *_NODES, *_ELEMENTS, *_GROUPS, _UNITS, _HEADER, _SYSTEMS,
+             _OLD_SYSTEMS}  # fmt: skip
     by_number: dict[int, list[_Lines]] = {}
     for dataset in _datasets(path):
         by_number.setdefault(dataset.number, []).append(_Lines(path, dataset))
@@ -118,7 +119,7 @@ def read_universal(path: Path) -> FileMesh:
     for lines in by_number.get(_UNITS, []):
         mesh.unit = _unit(lines, mesh.notes)
     _note_systems(mesh, by_number, systems, path)
-    if others := [str(number) for number in by_number if number not in {*known, _OLD_SYSTEMS}]:
+    if others := [str(number) for number in by_number if number not in known]:
         mesh.notes_of_sets.append(f"datasets that are no part of a mesh here: {listed(others)}")
     return mesh
 
@@ -212,14 +213,7 @@ class _Lines:
         words = _REAL.findall(text)
         if len(words) != 3 or _REAL.sub("", text).strip():
             raise self.error(f'"{text.strip()[:80]}" is not three numbers')
-        return [_real(word) for word in words]
-
-
-def _real(word: str) -> float:
-    word = word.upper().replace("D", "E")
-    if "E" not in word and (at := max(word.rfind("+"), word.rfind("-"))) > 0:
-        word = f"{word[:at]}E{word[at:]}"  # 1.5-103 has no room for the letter
-    return float(word)
+        return [real_number(word) for word in words]
 
 
 def _nodes(lines: _Lines) -> Iterator[tuple[int, int, list[float], int]]:
