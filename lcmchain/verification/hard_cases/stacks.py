@@ -301,24 +301,28 @@ def edge_over_a_fold(name: str, full: bool) -> Iterator[CaseResult]:
 
     Hard because the edge of a ply climbs a flank of 38°, falls off behind it and catches on the way
     back: its points hang beyond the rim, those of the fold come out from under it, and both push
-    along the plies. Afterwards everything must lie as before.
+    along the plies. Afterwards everything must lie as before. The free plies rattle on each other
+    without pressure, which lets rounding grow tenfold in 0.15 ms: heights changed by 1e-15 m put
+    the two sides apart by 3 to 7 % of the fold at the worst node and time. Their mean square tells
+    a bias from such a draw: its root is 0.17 to 0.20 % for six draws.
     """
     time = 0.1
     sim = edge_over_fold(time)
     start = sim.state.position.copy()
-    deepest, uneven, highest = 0.0, 0.0, 0.0
+    deepest, highest = 0.0, 0.0
+    uneven = []
     for part in np.linspace(0.0, 1.0, 51)[1:]:
         sim.advance_to(float(part * time))
         deepest = max(deepest, deepest_overlap(sim))
         lifted = sim.state.position[2] - start[2]
         highest = max(highest, float(lifted.max()))
-        uneven = max(uneven, unevenness(sim))
+        uneven.append(unevenness(sim))
     yield overlap_result(name, deepest, 10.0)
     yield CaseResult(
         name,
-        "difference of the two sides over the height",
-        1e5 * uneven / FOLD_HEIGHT,
-        5.0,
+        "difference of the two sides over the height, rms",
+        1e5 * math.sqrt(np.mean(np.square(uneven))) / FOLD_HEIGHT,
+        0.5,
         "%",
     )
     yield CaseResult(
@@ -332,15 +336,15 @@ def edge_over_a_fold(name: str, full: bool) -> Iterator[CaseResult]:
 
 
 def unevenness(sim: Simulation) -> float:
-    """Return the largest difference in height of two nodes that mirror each other in y [m]."""
-    worst = 0.0
+    """Return the rms difference in height of nodes that mirror each other in y [m]."""
+    differences = []
     for body in sim.model.bodies:
         X = np.round(1e9 * body.mesh.node_positions).astype(int)
         place = {tuple(x): i for i, x in enumerate(X.tolist())}
         other = [place[x, -y, z] for x, y, z in X.tolist()]
         height = positions_of(sim, body)[:, 2]
-        worst = max(worst, float(np.abs(height - height[other]).max()))
-    return worst
+        differences.append(height - height[other])
+    return math.sqrt(np.mean(np.square(np.concatenate(differences))))
 
 
 # --- unlike weight --------------------------------------------------------------------------------
