@@ -18,8 +18,8 @@ from with_time import entries_with_time
 
 from lcmchain import read_scene
 from lcmchain.check import estimate_run
+from lcmchain.compilation.threads import use_threads
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import use_threads
 
 EXAMPLES = Path(__file__).parent
 TRIANGLES = ["element=membrane-shell", "permeability=none"]

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from lcmchain.compilation.threads import use_threads
 from lcmchain.fmu.messages import Messages
 from lcmchain.fmu.saved_state import PartState
 from lcmchain.fmu.values import Values
 from lcmchain.fmu.variables import Variable
-from lcmchain.threads import use_threads
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.compile_cache import use_source_keyed_cache
+from lcmchain.compilation.cache import use_source_keyed_cache
 
 __version__ = "0.1.0"
 

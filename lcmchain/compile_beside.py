@@ -32,9 +32,9 @@ from typing import Any
 import numba
 from numba.core import event
 
+from lcmchain.compilation.threads import thread_count, use_threads
 from lcmchain.jit import move_cache
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import thread_count, use_threads
 
 Tell = Callable[[str], None]
 

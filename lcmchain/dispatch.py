@@ -14,7 +14,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from lcmchain.compile_cache import key_cache_by_file
+from lcmchain.compilation.cache import key_cache_by_file
 from lcmchain.jit import INLINED, move_cache
 
 # All functions that answer by class.

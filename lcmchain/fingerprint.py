@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lcmchain.compile_cache import source_hash
+from lcmchain.compilation.cache import source_hash
 from lcmchain.errors import InputError
 
 # Tables of a scene that are applied to the saved frames, after forming; its title; and how it would

@@ -16,6 +16,7 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.effects_of_run import later_stages
 from lcmchain.check.machine_speed import record_speed
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.compilation.threads import use_threads
 from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
@@ -33,7 +34,6 @@ from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_check
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.solver.stage_start import FROM, require_border, started
 from lcmchain.summary import run_head, run_summary, scene_head
-from lcmchain.threads import use_threads
 from lcmchain.tools import ToolTable, ToolWarning
 
 if TYPE_CHECKING:

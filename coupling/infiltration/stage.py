@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.compile_cache import source_hash
+from lcmchain.compilation.cache import source_hash
 from lcmchain.coupling.infiltration.checkpoint import read_checkpoint
 from lcmchain.coupling.infiltration.curves import draw_curves
 from lcmchain.coupling.infiltration.files import filling_groups, write_series, write_vtu

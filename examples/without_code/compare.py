@@ -90,7 +90,7 @@ def measure() -> dict:
     import resource
 
     from lcmchain.bench.sizes import free_plate
-    from lcmchain.threads import use_threads
+    from lcmchain.compilation.threads import use_threads
 
     use_threads(1)
     plate = free_plate(4_000, *SCENE_OVERRIDES)

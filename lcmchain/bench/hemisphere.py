@@ -7,6 +7,7 @@ contact, shear and compaction are at work.
 from __future__ import annotations
 
 from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
+from lcmchain.compilation.threads import use_threads
 from lcmchain.elements.blocks import own_blocks
 from lcmchain.elements.solid_shell.packing import curved_rows
 from lcmchain.materials.st_venant_kirchhoff import (
@@ -16,7 +17,6 @@ from lcmchain.materials.st_venant_kirchhoff import (
 )
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
-from lcmchain.threads import use_threads
 
 # Where whole steps are timed: the sheet lies on punch, die fillet and under the holder.
 MID_STROKE = 0.06

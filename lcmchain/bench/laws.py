@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from lcmchain.bench import hemisphere
 from lcmchain.bench.measure import KERNEL_CALLS, kernel_work, measure
+from lcmchain.compilation.threads import use_threads
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import use_threads
 
 _CURVE = (
     "material.bending.curve_1.curvature=2 3 5 10 20 1/m",

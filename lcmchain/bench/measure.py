@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.compilation.threads import use_threads
 from lcmchain.elements.family import internal_forces
 from lcmchain.jit import entry
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import use_threads
 
 REPETITIONS = 11
 KERNEL_CALLS = 200

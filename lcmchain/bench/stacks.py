@@ -11,10 +11,10 @@ from typing import Any
 
 from lcmchain.bench import hemisphere
 from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
+from lcmchain.compilation.threads import use_threads
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.state import State
-from lcmchain.threads import use_threads
 
 #: Lay-ups that are measured, by their number of plies.
 LAYUPS = {1: "", 2: "[0/90, 45/-45]", 4: "[0/90, 45/-45]s"}

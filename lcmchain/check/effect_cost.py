@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lcmchain.check.machine_speed import keep_numbers, kept_numbers, speed_key
+from lcmchain.compilation.threads import thread_count, use_threads
 from lcmchain.effects.audit import switches
 from lcmchain.effects.switches import Switchable, switchable_effects, with_effect
 from lcmchain.model import Model
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.state import State
-from lcmchain.threads import thread_count, use_threads
 
 FILE = "effects.json"
 # Steps are timed in turn with and without an effect; other work only ever adds to a time, so that

@@ -15,10 +15,10 @@ from typing import NamedTuple
 from platformdirs import user_cache_path
 
 from lcmchain.atomic import replacing
-from lcmchain.compile_cache import processor
+from lcmchain.compilation.cache import processor
+from lcmchain.compilation.threads import worthwhile_threads
 from lcmchain.errors import InputError, OutputError
 from lcmchain.model import Model
-from lcmchain.threads import worthwhile_threads
 
 #: Time per element and step that is assumed without a measurement, on one core.
 ASSUMED = {"solid-shell": 0.09e-6, "partly curved solid-shell": 0.10e-6,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.compilation.threads import use_threads
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
@@ -19,7 +20,6 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.threads import use_threads
 
 #: Frames that the shear tests keep: forces are means between every other one of them, so that each
 #: has a frame in its middle.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.cache_lines import aligned
+from lcmchain.compilation.cache_lines import aligned
 
 LANES = 16
 # Indices read from arrays are taken as unsigned: for a signed one every access first asks whether

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.compilation.threads import thread_count
 from lcmchain.effects import fibre_bending
 from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
 from lcmchain.effects.pace import PaceLaw, next_pace
@@ -58,7 +59,6 @@ from lcmchain.state import (
     Scratch,
     State,
 )
-from lcmchain.threads import thread_count
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 from lcmchain.tools.turn import lever, turning
 

@@ -6,6 +6,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass
 
+from lcmchain.compilation.threads import thread_count
 from lcmchain.coupons.pulled import PULLED, PulledTest
 from lcmchain.coupons.specimen import FRAMES, Recording, record
 from lcmchain.effects.mass_scaling import added_mass
@@ -19,7 +20,6 @@ from lcmchain.solver.simulation import Simulation
 from lcmchain.study.outcome import Outcome, outcome_of_sheet
 from lcmchain.study.source import Progress
 from lcmchain.study.variant import Variant, require_free
-from lcmchain.threads import thread_count
 
 #: Beginning of overrides that are of the test itself, not of its scene.
 OF_TEST = "coupon."

@@ -13,9 +13,9 @@ import time
 from typing import NamedTuple
 
 from lcmchain.check.expected_cost import estimate_run
+from lcmchain.compilation.threads import use_threads
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
-from lcmchain.threads import use_threads
 
 #: Steps are made for so long [s], or less of a small budget.
 DURATION = 0.25

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lcmchain.compilation.threads import thread_count
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.scene import Scene
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
 from lcmchain.study.source import Progress, Source
 from lcmchain.study.variant import Variant
-from lcmchain.threads import thread_count
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"

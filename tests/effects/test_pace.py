@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lcmchain.compilation.threads import available_threads, use_threads
 from lcmchain.effects.pace import (
     AVERAGING,
     FALL,
@@ -30,7 +31,6 @@ from lcmchain.scene.found_time import AVERAGING_PART, DAMPING_TIMES_TIME, PERIOD
 from lcmchain.solver import simulation as simulation_module
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PACE, SHEET_TIME, STEPS, TIME
-from lcmchain.threads import available_threads, use_threads
 
 SCENE = """
 process = {{ {process} }}

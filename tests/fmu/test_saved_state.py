@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain import compile_cache, fingerprint
+from lcmchain import fingerprint
+from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import SimulationError
 from lcmchain.fmu import forming
 from lcmchain.fmu.forming import meshes_of, variables_of

@@ -18,7 +18,7 @@ import xarray as xr
 from numba.core import caching
 
 import lcmchain.jit  # noqa: F401  # sets how numba keeps what it compiles
-from lcmchain import compile_cache
+from lcmchain.compilation import cache as compile_cache
 
 REPORT = "import lcmchain, os; print(os.environ['NUMBA_CACHE_DIR'])"
 

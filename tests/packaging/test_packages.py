@@ -26,22 +26,15 @@ pytestmark = pytest.mark.skipif(
 # be placed here.
 RANK_OF_CORE = {
     "": 0,  # lcmchain/__init__.py
-    "cache_lines": 0,
-    "compiled_parts": 0,
-    "compile_cache": 0,
-    "front_end": 0,
+    "compilation": 0,
     "errors": 0,
     "atomic": 0,
     "text_files": 0,
     "fingerprint": 0,
     "jit": 0,
-    "large_tuples": 0,
     "packs": 0,
     "dispatch": 0,
-    "self_contained": 0,
-    "threads": 0,
     "thresholds": 0,
-    "vector_width": 0,
     "quantities": 1,
     "mesh": 2,
     "mesh_files": 2,

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from lcmchain import vector_width
+from lcmchain.compilation import vector_width
 
 ICE_LAKE = {"avx512f": True, "avx512vbmi2": True, "sse4a": False}
 SKYLAKE = {"avx512f": True, "avx512vbmi2": False}

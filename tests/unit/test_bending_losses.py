@@ -11,6 +11,7 @@ from dead_loads import loaded
 from without_damping_bound import require_blows_up
 
 from lcmchain.check import check_scene
+from lcmchain.compilation.threads import use_threads
 from lcmchain.coupons.pure_bending import bent_ends, pure_bending
 from lcmchain.coupons.result import write_coupon
 from lcmchain.coupons.specimen import Loop
@@ -37,7 +38,6 @@ from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.statics import StaticProblem
-from lcmchain.threads import use_threads
 
 THICKNESS = 1.004e-3  # of MD600 [m]
 FRICTION = Friction(0.02, 4.0)  # [N], [1/m]

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain import compile_cache, fingerprint, pipeline
+from lcmchain import fingerprint, pipeline
+from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import InputError
 from lcmchain.fingerprint import Fingerprint, run_fingerprint
 from lcmchain.model import build_model

@@ -6,7 +6,7 @@ from numba import float64, guvectorize, njit, prange
 from numba.core.codegen import JITCodeLibrary
 from numba.extending import overload
 
-from lcmchain.compiled_parts import PartDispatcher, PartLibrary
+from lcmchain.compilation.compiled_parts import PartDispatcher, PartLibrary
 from lcmchain.jit import entry, equation, routine
 from lcmchain.solver.loop import make_parts, move_nodes
 

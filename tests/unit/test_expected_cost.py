@@ -14,10 +14,10 @@ from lcmchain.check.expected_cost import (
     omega2_over_time,
     plate_distance,
 )
+from lcmchain.compilation.threads import worthwhile_threads
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.threads import worthwhile_threads
 
 PLATES = """
 process = { time = "20 ms", step_safety = 0.9 }

@@ -7,7 +7,7 @@ from numba.core import event
 from numba.core.compiler import Flags
 
 import lcmchain.jit  # noqa: F401  # sets how numba compiles
-from lcmchain.front_end import THRESHOLDS
+from lcmchain.compilation.front_end import THRESHOLDS
 
 
 def flags(**options):

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lcmchain.check import check_scene
+from lcmchain.compilation.threads import use_threads
 from lcmchain.coupling.closing.textile import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.cantilever import cantilever
@@ -34,7 +35,6 @@ from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.statics import StaticProblem
-from lcmchain.threads import use_threads
 
 CONSTANT = ShearFriction(5e3, math.radians(1.0))
 GROWING = ShearFriction(5e3, math.radians(1.0), 0.3)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from lcmchain import threads
+from lcmchain.compilation import threads
 from lcmchain.pipeline import run
 from lcmchain.scene import scene_from_text
 

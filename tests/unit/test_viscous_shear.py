@@ -14,6 +14,7 @@ from numpy.polynomial.legendre import leggauss
 from without_damping_bound import require_blows_up
 
 from lcmchain.check import check_scene
+from lcmchain.compilation.threads import use_threads
 from lcmchain.coupling.closing.textile import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.picture_frame import picture_frame
@@ -38,7 +39,6 @@ from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.statics import StaticProblem
-from lcmchain.threads import use_threads
 
 SCENE = """
 process = {{ {process} }}

@@ -19,8 +19,8 @@ from lcmchain.bench.peers.kratos import PRISM, Kratos
 from lcmchain.bench.peers.peer import REPETITIONS, Peer, PeerSpeed, measure_peer
 from lcmchain.bench.peers.plate import EDGE_ELEMENTS, elastic_plate, own_displacement
 from lcmchain.bench.sizes import measured_plate
+from lcmchain.compilation.threads import use_threads
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
-from lcmchain.threads import use_threads
 
 PEERS: tuple[Peer, ...] = (CalculiX(), Kratos(), Kratos(PRISM))
 

@@ -153,7 +153,7 @@ def source_hash(without: Iterable[str] = ()) -> str:
 
 
 def _package_folders() -> list[Path]:
-    folders = [Path(__file__).resolve().parent]
+    folders = [Path(__file__).resolve().parents[1]]
     for name in OUTER_PACKAGES:
         spec = find_spec(name)
         if spec is None or not spec.submodule_search_locations:

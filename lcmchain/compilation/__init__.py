@@ -1,0 +1,17 @@
+"""What is changed in numba before anything is compiled, and where compiled code is kept.
+
+:mod:`lcmchain.jit` calls these once, in this order, and gives compiled functions their options::
+
+    threads          which library runs the threads of parallel loops, and when they start
+    vector_width     vectors of 512 bits on processors that lose nothing by them
+    self_contained   a function gives the same bits from the disk as compiled here
+    large_tuples     loops that take tuples of fifty arrays compile in good time
+    cache_lines      stacks and arrays begin with a line of the cache
+    compiled_parts   functions of compiled code alone are not made callable from Python
+    cache            one folder for each state of the sources, which processes share
+    front_end        less time in numba's own typing
+
+Most of them replace functions inside numba, which its versions may change: tried on 0.61.0 and
+0.68.1, and an upper bound in ``pyproject.toml`` goes with them. Each file says what it replaces, why,
+and what was measured; each has a test of its own.
+"""
