@@ -18,10 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 from lcmchain.coupling.infiltration.sample_meshes import plate
 
 #: Squares along the side of the plate; each gives two triangles.

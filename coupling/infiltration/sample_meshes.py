@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from lcmchain.coupling.infiltration.mesh import FlowMesh
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh
 
 
 def plate(

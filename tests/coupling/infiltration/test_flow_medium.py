@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.flow_medium import FlowMedium, lead_length
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.resin import (
-    CastroMacoskoViscosity,
-    ConstantTemperature,
-    KamalSourour,
-)
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.flow_medium import FlowMedium, lead_length
+from lcmchain.coupling.infiltration.flow.preform import Preform
+from lcmchain.coupling.infiltration.resin import CastroMacoskoViscosity, KamalSourour
+from lcmchain.coupling.infiltration.resin_temperature import ConstantTemperature
 from lcmchain.coupling.infiltration.sample_meshes import plate
 from lcmchain.errors import InputError
 

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+#: Fill factor from which a control volume counts as full. What it lacks then it never gets.
+FULL = 1.0 - 1e-8
+
 
 @dataclass(frozen=True)
 class DrySpot:

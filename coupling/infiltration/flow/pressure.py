@@ -2,7 +2,7 @@
 
 Unknown is the potential u = p - ρ g·x of the full nodes. Each of them passes on what it receives,
 Σ_j T_ij (u_i - u_j) + Σ_k q_ik = b_i, with the flow q_ik into control volumes k that the front is
-in (:mod:`lcmchain.coupling.infiltration.front`) and a source b_i. The matrix is symmetric,
+in (:mod:`lcmchain.coupling.infiltration.flow.front`) and a source b_i. The matrix is symmetric,
 but for cells at the hole of a gate that their resin thickens: there the hole's pressure is given.
 
 Where all T_ik of a front volume are positive and the front has not passed its node (s_k < 1), every
@@ -19,11 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import SuperLU, splu
 
-from lcmchain.coupling.infiltration.factors import Factors
-from lcmchain.coupling.infiltration.flow_medium import SOLUTIONS, Columns, Sinking
-from lcmchain.coupling.infiltration.front import Front, find_front
-from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.flow.flow_medium import SOLUTIONS, Columns, Sinking
+from lcmchain.coupling.infiltration.flow.front import Front, find_front
+from lcmchain.coupling.infiltration.flow.network import Conductances, Network
 from lcmchain.errors import SimulationError
 
 
@@ -446,3 +446,77 @@ def _solve(
         )
     matrix = csc_matrix(coo_matrix((entries, (rows, columns)), shape=(len(right), len(right))))
     return factors.solve(matrix, right)
+
+
+# --- factors of the equations, kept while the matrix stays the same -------------------------------
+# The same matrix comes back where a saturated part keeps its shape, where only what is injected or
+# squeezed differs, and where a coupling iterates over one time step. Equal matrices have equal
+# factors, so what is kept changes no bit of the result.
+
+
+#: Factors of so many matrices are kept.
+KEPT = 4
+#: Factors with more entries than this in all are not kept for later [1]; 12 bytes each.
+MOST_ENTRIES = 60_000_000
+
+
+@dataclass
+class Work:
+    """How much solving a filling took: matrices factorised, and systems solved with them."""
+
+    factorisations: int = 0
+    solutions: int = 0
+
+
+class Factors:
+    """Factorised matrices of the pressure, the last ones used first."""
+
+    def __init__(self) -> None:
+        self.work = Work()
+        self._kept: list[tuple[csc_matrix, SuperLU]] = []
+
+    def solve(self, matrix: csc_matrix, right: np.ndarray) -> np.ndarray:
+        """Solve a system of symmetric structure, refined once: nodes balance to round-off.
+
+        Raises
+        ------
+        SimulationError : the matrix is singular.
+        """
+        factors = self._of(matrix)
+        self.work.solutions += 1
+        solution = factors.solve(right)
+        return solution + factors.solve(right - matrix @ solution)
+
+    def _of(self, matrix: csc_matrix) -> SuperLU:
+        for place, (other, factors) in enumerate(self._kept):
+            if _same(matrix, other):
+                self._kept.insert(0, self._kept.pop(place))
+                return factors
+        try:
+            factors = splu(
+                matrix,
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:
+            raise SimulationError(
+                f"the equations of the resin's pressure cannot be solved ({error}): some of it is "
+                "neither at a gate or vent nor at the front"
+            ) from None
+        self.work.factorisations += 1
+        self._kept.insert(0, (matrix, factors))
+        del self._kept[KEPT:]
+        while len(self._kept) > 1 and sum(f.nnz for _, f in self._kept) > MOST_ENTRIES:
+            self._kept.pop()
+        return factors
+
+
+def _same(one: csc_matrix, other: csc_matrix) -> bool:
+    return (
+        one.shape == other.shape
+        and one.nnz == other.nnz
+        and np.array_equal(one.data, other.data)
+        and np.array_equal(one.indices, other.indices)
+        and np.array_equal(one.indptr, other.indptr)
+    )

@@ -10,7 +10,7 @@ layer covers there:
   q = A K₃ (p - p_v) / (µ h F): the front moves down, F² grows linearly over time at a constant p.
 - Between a column and a layer that are both full q = 3 A K₃ (p - p̄) / (µ h), with the mean pressure
   p̄ of the column. That is exact where the column gives its resin off evenly over its thickness
-  (:func:`lcmchain.coupling.infiltration.film.film_conductance`).
+  (:func:`lcmchain.coupling.infiltration.flow.film.film_conductance`).
 - From a full column into a layer that is not full in the same way, against the layer's air.
 
 Left out: resistance of the layer through its own thickness, and the slope of the front within one
@@ -30,8 +30,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 from lcmchain.errors import InputError
 
 #: Conductance of a full column over that of one with the front at its bottom.

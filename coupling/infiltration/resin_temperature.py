@@ -6,12 +6,14 @@ that the mould cools where cold resin meets it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.scene import resin as tables
 
 
 class ResinTemperature(Protocol):
@@ -149,3 +151,29 @@ def _require_table(name: str, times: tuple[float, ...], values: tuple[float, ...
 def _require_temperatures(name: str, values) -> None:
     if not (np.all(np.isfinite(values)) and np.all(np.asarray(values) > 0.0)):
         raise InputError("must be above absolute zero", key=f"resin.temperature.{name}")
+
+
+def temperature_of(table: tables.Resin) -> ResinTemperature | None:
+    """Return the temperature that a resin's table gives; None where none is needed."""
+    given = table.temperature
+    return None if given is None else _TEMPERATURES[given.law](given)
+
+
+def _constant_temperature(table: tables.ConstantResinTemperature) -> ResinTemperature:
+    return ConstantTemperature(table.value)
+
+
+def _prescribed(table: tables.PrescribedResinTemperature) -> ResinTemperature:
+    return PrescribedTemperature(table.times, table.values)
+
+
+def _mould(table: tables.MouldResinTemperature) -> ResinTemperature:
+    times = (0.0,) if table.times is None else table.times
+    return MouldTemperature(table.inlet, times, table.mould, table.diffusivity)
+
+
+_TEMPERATURES: dict[str, Callable[[Any], ResinTemperature]] = {
+    "constant": _constant_temperature,
+    "prescribed": _prescribed,
+    "mould": _mould,
+}

@@ -18,10 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.boundaries import Gate
-from lcmchain.coupling.infiltration.front import find_front, principal_spread
-from lcmchain.coupling.infiltration.network import Conductances, Network
-from lcmchain.coupling.infiltration.state import FillingState
+from lcmchain.coupling.infiltration.flow.front import find_front, principal_spread
+from lcmchain.coupling.infiltration.flow.network import Conductances, Network
+from lcmchain.coupling.infiltration.flow.state import FillingState
 
 #: So many times at most conducts an edge of which a part lies in a hole. A node almost at its rim
 #: would get the pressure of the hole, and stand for a larger one: a dome from a hole of two edges'
@@ -111,7 +110,8 @@ def neighbours(network: Network, nodes: np.ndarray) -> np.ndarray:
 def widening(
     network: Network,
     conductances: Conductances,
-    gate: Gate,
+    nodes: np.ndarray,
+    radius: float,
     contact: float,
     state: FillingState,
 ) -> np.ndarray:
@@ -122,16 +122,15 @@ def widening(
     None lifts a node above the hole, as all factors are positive. While the front is beside the
     nodes, all edges are shortened alike by what the contact takes away from them together.
     """
-    assert gate.radius is not None
     factor = np.ones(len(network.edges))
-    at, beyond = _leaving_edges(network, gate.nodes)
-    around = _Around.of(network, conductances, gate.nodes, gate.radius)
+    at, beyond = _leaving_edges(network, nodes)
+    around = _Around.of(network, conductances, nodes, radius)
     wider: np.ndarray | float
     if around is not None and state.full[beyond].all():
         outside = np.maximum(around.size - around.hole, 1e-300)
         wider = np.minimum(1.0 - around.spread / contact / outside, MOST_WIDER)
     else:
-        leaving = _leaving(network, conductances, gate.nodes, state.full, state.fill)
+        leaving = _leaving(network, conductances, nodes, state.full, state.fill)
         wider = 1.0 / max(1.0 + leaving / contact, 1.0 / MOST_WIDER)
     factor[at] = np.where(conductances.flow[at] > 0.0, wider, 1.0)
     return factor
@@ -190,18 +189,22 @@ def mean_conductance(network: Network, conductances: Conductances, nodes: np.nda
 
 
 def radial_time(
-    network: Network, conductances: Conductances, gate: Gate, pores: np.ndarray, drive: float
+    network: Network,
+    conductances: Conductances,
+    nodes: np.ndarray,
+    radius: float,
+    pores: np.ndarray,
+    drive: float,
 ) -> float:
     """Time [s] in which a hole fills the volumes of its nodes, dry at first; drive : [Pa]."""
-    assert gate.radius is not None
-    area = _area(network, gate.nodes)
-    angle = float(network.unfolding.angle[gate.nodes[0]]) if len(gate.nodes) == 1 else 2.0 * np.pi
+    area = _area(network, nodes)
+    angle = float(network.unfolding.angle[nodes[0]]) if len(nodes) == 1 else 2.0 * np.pi
     reach = np.sqrt(2.0 * area / angle)
-    if reach <= gate.radius:
+    if reach <= radius:
         return 0.0
-    mean = mean_conductance(network, conductances, gate.nodes)
-    bracket = reach**2 * np.log(reach / gate.radius) - 0.5 * (reach**2 - gate.radius**2)
-    return float(pores[gate.nodes].sum() / area / (2.0 * mean * drive) * bracket)
+    mean = mean_conductance(network, conductances, nodes)
+    bracket = reach**2 * np.log(reach / radius) - 0.5 * (reach**2 - radius**2)
+    return float(pores[nodes].sum() / area / (2.0 * mean * drive) * bracket)
 
 
 def _area(network: Network, nodes: np.ndarray) -> float:

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from lcmchain.coupling.infiltration.network import Conductances, Network
+from lcmchain.coupling.infiltration.flow.network import Conductances, Network
 
 # A neighbourhood so one-sided that its conductances nearly cancel takes part later, with more
 # full neighbours, if there will be any.

@@ -4,38 +4,40 @@ The flow is quasi-static. A step takes the flow at its start, moves the front wi
 gets, takes the flow there, and moves the front from the start with the mean of both (Heun). Both
 flows are those through one interface, that between the volumes that are full at the start and the
 others; what a volume receives beyond its pores goes on to its neighbours
-(:mod:`lcmchain.coupling.infiltration.overflow`), so that the front may cross many control volumes
-in a step and every step conserves resin to round-off.
+(:mod:`lcmchain.coupling.infiltration.flow.motion`), so that the front may cross many control
+volumes in a step and every step conserves resin to round-off.
 """
 
 from __future__ import annotations
 
-import weakref
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.driven_flow import DrivenFlow, Stage, check_balance
-from lcmchain.coupling.infiltration.factors import Work
-from lcmchain.coupling.infiltration.motion import arrivals, move, predict
-from lcmchain.coupling.infiltration.network import Conductances
-from lcmchain.coupling.infiltration.outcome import idle_outcome
-from lcmchain.coupling.infiltration.overflow import Stuck
-from lcmchain.coupling.infiltration.pressure import longest_free_step
-from lcmchain.coupling.infiltration.situation import (
+from lcmchain.coupling.infiltration.flow.driven_flow import (
     NEARLY,
+    DrivenFlow,
+    FillingModel,
     Situation,
+    Stage,
     at_the_same_rate,
+    check_balance,
     situation_of,
     thickness_rate,
 )
-from lcmchain.coupling.infiltration.state import FillingState
-from lcmchain.coupling.infiltration.step_end import age, finish_step
+from lcmchain.coupling.infiltration.flow.motion import (
+    Stuck,
+    age,
+    arrivals,
+    finish_step,
+    move,
+    predict,
+)
+from lcmchain.coupling.infiltration.flow.network import Conductances
+from lcmchain.coupling.infiltration.flow.pressure import Work, longest_free_step
+from lcmchain.coupling.infiltration.flow.state import FillingState
 from lcmchain.errors import SimulationError
-
-if TYPE_CHECKING:
-    from lcmchain.coupling.infiltration.filling import Filling
 
 MOST_CUTS = 60
 #: Times that air may come in before a step, each time where the front has gone back to.
@@ -59,12 +61,11 @@ class Present(NamedTuple):
 
 
 class TimeStep:
-    """Takes the time steps of a filling."""
+    """Takes the time steps of a filling; remembers the flow of the state that it has looked at."""
 
-    def __init__(self, filling: Filling) -> None:
-        # what holds this one; without a circle it is gone as soon as nobody holds it
-        self.filling: Filling = weakref.proxy(filling)
-        self._driven = DrivenFlow(self.filling)
+    def __init__(self, model: FillingModel) -> None:
+        self.model = model
+        self._driven = DrivenFlow(model)
         self._kept: tuple[Situation, Stage] | None = None
         # whether the state's pressure is that of its last step, and the flow of the state itself
         self._behind = False
@@ -82,22 +83,21 @@ class TimeStep:
         self._kept = self._looked = None
         self._behind = False
 
-    def take(self, until: float) -> tuple[str, str] | None:
+    def take(self, state: FillingState, until: float) -> tuple[str, str] | None:
         """Take a step towards a time [s]; return outcome and message if nothing moves any more."""
-        filling = self.filling
-        self._let_air_in()
-        state = filling.state
-        situation, stage, step = self._begin(until)
+        supply = self.model.supply
+        self._let_air_in(state)
+        situation, stage, step = self._begin(state, until)
         moves = self._moves(situation, stage, until)
-        switch = filling.supply.next_switch(state.time)
+        switch = supply.next_switch(state.time)
         self._moments = (until, switch) if np.isfinite(switch) else (until,)
         if not moves:
-            if not state.full.all() and filling.supply.waits_for_clock(state.time):
-                state.time = min(filling.supply.next_look(state.time), until)
+            if not state.full.all() and supply.waits_for_clock(state.time):
+                state.time = min(supply.next_look(state.time), until)
                 self.forget()
                 self._behind = True
                 return None
-            return idle_outcome(filling, situation, stage)
+            return idle_outcome(self.model, situation)
         left = until - state.time
         for _ in range(MOST_CUTS):
             share = self._try(situation, stage, step)
@@ -110,64 +110,66 @@ class TimeStep:
             situation = at_the_same_rate(situation, share)
         raise SimulationError(
             f"time steps collapse at {state.time:.6g} s ({step:.3g} s): resin finds no room "
-            f"next to where it is pressed to ({_place(filling, stage)})"
+            f"next to where it is pressed to ({_place(self.model, stage)})"
         )
 
-    def _let_air_in(self) -> None:
-        """Open the control volumes to air that would be under suction beside an open face."""
-        filling = self.filling
-        faces = filling.open_faces
+    def _let_air_in(self, state: FillingState) -> None:
+        """Open the control volumes to air that would be under suction beside an open face.
+
+        Their resin may draw back from there. They keep it, and count as full again where it fills
+        the pores after a time step.
+        """
+        faces = self.model.open_faces
         for _ in range(MOST_OPENINGS if faces is not None else 0):
             assert faces is not None
-            _, stage = self._kept or self._look()
-            drawn = faces.drawn(filling.state.full, stage.flow.pressure)
+            _, stage = self._kept or self._look(state)
+            drawn = faces.drawn(state.full, stage.flow.pressure)
             if not drawn.any():
                 return
-            filling.let_air_in(drawn, faces.pressure)
+            state.full = state.full & ~drawn
+            state.pressure = np.where(drawn, faces.pressure, state.pressure)
+            state.air_pressure = np.where(drawn, faces.pressure, state.air_pressure)
+            self.forget()
 
-    def refresh(self) -> None:
+    def refresh(self, state: FillingState) -> None:
         """Write the pressure of the present state into it."""
-        state = self.filling.state
         if self._kept is None:
-            self._kept = self._look()
+            self._kept = self._look(state)
         _, stage = self._kept
         state.pressure = stage.flow.pressure
         state.gate_pressure, state.gate_rate = stage.gate_pressure, stage.gate_rate
         self._behind = False
 
-    def present(self) -> Present:
+    def present(self, state: FillingState) -> Present:
         """Pressures of the state as it is; between two steps it holds those of the last one.
 
         A step ends with a flow through the volumes that were full before: it knows those that fill
         in it as the front.
         """
-        state = self.filling.state
         if not self._behind:
             return Present(state.pressure, state.gate_pressure, state.gate_rate)
-        _, stage = self._look()
+        _, stage = self._look(state)
         return Present(stage.flow.pressure, stage.gate_pressure, stage.gate_rate)
 
-    def _look(self) -> tuple[Situation, Stage]:
+    def _look(self, state: FillingState) -> tuple[Situation, Stage]:
         """Situation and flow of the present state, which the next step may begin with."""
         if self._looked is None:
-            state = self.filling.state
-            situation = situation_of(self.filling, state)
+            situation = situation_of(self.model, state)
             stage = self._driven.stage(situation, state, state.next_step or 1.0)
             self._looked = situation, stage
         return self._looked
 
-    def _begin(self, until: float) -> tuple[Situation, Stage, float]:
+    def _begin(self, state: FillingState, until: float) -> tuple[Situation, Stage, float]:
         """Flow at the start, and the size of the step."""
-        filling = self.filling
-        state, options = filling.state, filling.options
+        model, options = self.model, self.model.options
         known = self._kept or self._looked
-        situation = situation_of(filling, state) if known is None else known[0]
+        situation = situation_of(model, state) if known is None else known[0]
         limit = min(
             until - state.time,
             options.largest_step,
-            filling.supply.next_switch(state.time) - state.time,
-            filling.supply.longest_step(state.time),
-            filling.liquid.longest_step(state),
+            model.supply.next_switch(state.time) - state.time,
+            model.supply.longest_step(state.time),
+            model.liquid.longest_step(state),
             *(priming.left for priming in situation.primings if priming.left > 0.0),
         )
         if state.thickness_rate.any() and situation.lift is None:
@@ -176,7 +178,7 @@ class TimeStep:
         jumped = np.abs(situation.excess) > NEARLY * situation.pores
         timed = bool(jumped.any() or len(situation.air.volume) and options.trapped_air)
         timed |= situation.film is not None and len(situation.film.fed) > 0
-        timed |= _sinks(filling, state)
+        timed |= _sinks(model, state)
         if self._kept is not None and not timed and not situation.excess.any():
             stage = self._kept[1]
             return self._resting(situation, stage, min(limit, self._wish(stage, situation)))
@@ -219,7 +221,7 @@ class TimeStep:
         if squared == 0.0:
             return np.inf
         crossing = float(inflow @ situation.pores[rows]) / squared
-        return self.filling.options.front_step * crossing
+        return self.model.options.front_step * crossing
 
     def _moves(self, situation: Situation, stage: Stage, until: float) -> bool:
         left = until - situation.state.time
@@ -232,35 +234,35 @@ class TimeStep:
 
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
         """Take a step of this size; if it is too large, return the share of it to try next."""
-        filling, state = self.filling, situation.state
+        model, state = self.model, situation.state
         if stage.step != step and (situation.excess < 0.0).any():
             stage = self._driven.stage(situation, state, step)
         rate = thickness_rate(situation, stage.flow)
         pores_end = self._pores_at(situation, rate, step)
-        first = move(filling, situation, stage.flow.along, pores_end, step)
+        first = move(model, situation, stage.flow.along, pores_end, step)
         if isinstance(first, Stuck):
             return first.share
-        ahead = predict(filling, situation, first, pores_end, state.thickness + step * rate)
-        if filling.liquid.changes:
-            age(filling, situation, first, stage.flow.along, step, ahead)
+        ahead = predict(model, situation, first, pores_end, state.thickness + step * rate)
+        if model.liquid.changes:
+            age(model, situation, first, stage.flow.along, step, ahead)
         conductances = self._conductances_at(situation, ahead)
-        later = filling.supply.at_time(situation.gates, state.time + step)
+        later = model.supply.at_time(situation.gates, state.time + step)
         there = replace(situation, conductances=conductances, gates=later)
-        second = self._driven.stage(there, ahead, step, resting=bool(filling.gravity.any()))
+        second = self._driven.stage(there, ahead, step, resting=bool(model.gravity.any()))
         along = 0.5 * (stage.flow.along + second.flow.along)
         rate = 0.5 * (rate + thickness_rate(situation, second.flow))
         pores_end = self._pores_at(situation, rate, step)
-        last = move(filling, situation, along, pores_end, step)
+        last = move(model, situation, along, pores_end, step)
         if isinstance(last, Stuck):
             return last.share
-        check_balance(filling, situation, stage)
+        check_balance(model, situation, stage)
         fill_time = arrivals(situation, (stage, second), last, pores_end, step)
         early = self._before_trigger(state, fill_time, step)
         if early < 1.0:
             return early
         time = self._snapped(state.time + step)
         finish_step(
-            filling, situation, (stage, second), last, fill_time, along, pores_end, step, time
+            model, situation, (stage, second), last, fill_time, along, pores_end, step, time
         )
         self._kept = self._looked = None
         self._behind = True
@@ -272,16 +274,16 @@ class TimeStep:
         """Pores after a step in which the thickness changes at a rate (C,) [m/s]."""
         if not rate.any():
             return situation.pores
-        return self.filling.medium.pores(situation.state.thickness + step * rate)
+        return self.model.medium.pores(situation.state.thickness + step * rate)
 
     def _conductances_at(self, situation: Situation, ahead: FillingState) -> Conductances:
-        state, filling = situation.state, self.filling
+        state, model = situation.state, self.model
         moves = state.thickness_rate.any() or situation.lift is not None
-        if not moves and not filling.liquid.changes:
+        if not moves and not model.liquid.changes:
             return situation.conductances
         # What enters has the temperature of the start; nothing of it decides where resin is.
-        fluidity = filling.liquid.fluidity(filling.medium, ahead)
-        return filling.medium.conductances(ahead.thickness, fluidity)
+        fluidity = model.liquid.fluidity(model.medium, ahead)
+        return model.medium.conductances(ahead.thickness, fluidity)
 
     def _snapped(self, time: float) -> float:
         """The time, or the moment that the step was meant to reach if it is that to round-off."""
@@ -292,7 +294,7 @@ class TimeStep:
 
     def _before_trigger(self, state: FillingState, fill_time: np.ndarray, step: float) -> float:
         """Share of the step after which the front reaches a node that opens or closes a place."""
-        watched = self.filling.supply.watched
+        watched = self.model.supply.watched
         new = watched[np.isnan(state.fill_time[watched]) & ~np.isnan(fill_time[watched])]
         if not len(new):
             return 1.0
@@ -300,15 +302,61 @@ class TimeStep:
         return 1.0 if share > 0.98 else max(share, 0.02) * (1.0 + 1e-6)
 
 
-def _sinks(filling: Filling, state: FillingState) -> bool:
+def _sinks(model: FillingModel, state: FillingState) -> bool:
     """Whether resin flows through the thickness from a flow medium, which depends on the step."""
-    links = filling.medium.network.links
+    links = model.medium.network.links
     return links is not None and bool((state.full[links.above] != state.full[links.below]).any())
 
 
-def _place(filling: Filling, stage: Stage) -> str:
+def _place(model: FillingModel, stage: Stage) -> str:
     front = stage.flow.front.nodes
     if not len(front):
         return "no front"
     node = front[np.argmax(stage.flow.inflow)]
-    return "near (" + ", ".join(f"{x:.6g}" for x in filling.mesh.points[node]) + ") m"
+    return "near (" + ", ".join(f"{x:.6g}" for x in model.medium.mesh.points[node]) + ") m"
+
+
+# --- why a filling ended --------------------------------------------------------------------------
+
+
+def share_in_words(share: float) -> str:
+    """Say which share of the pores is filled; never 100 % where some are not."""
+    if share < 0.9995:
+        return f"only {share:.1%} of the pores are filled"
+    left = 100.0 * (1.0 - share)
+    if left < 1e-6:
+        return "the pores are filled but for round-off"
+    return f"all but {left:.1g} % of the pores are filled"
+
+
+def idle_outcome(model: FillingModel, situation: Situation) -> tuple[str, str]:
+    """Return outcome and message of a filling in which nothing moves any more."""
+    state, points = situation.state, model.medium.mesh.points
+    time = f"{state.time:.6g} s"
+    if state.full.all():
+        return "filled", f"all pores are full after {time}"
+    share = share_in_words(state.stored / float(situation.pores.sum()))
+    gelled = model.liquid.gelled(state)
+    if gelled.any():
+        place = points[gelled].mean(axis=0)
+        where = ", ".join(f"{x:.6g}" for x in place)
+        return "gelled", (
+            f"the resin has gelled and the front stands still since {time} at the latest; {share}, "
+            f"{int(gelled.sum())} nodes around ({where}) m have gelled; fill faster, with more "
+            "gates or pressure, or cooler"
+        )
+    if not situation.gates:
+        closed = ", ".join(gate.name for gate in model.supply.gates)
+        film = ", the film gives no more" if model.film is not None else ""
+        ended = f"there is no gate{film} after {time}"
+        if closed:
+            ended = f"no gate is open after {time} ({closed}){film}"
+        return "no_source", f"{ended} and the resin stands still; {share}"
+    if not any(gate.ready for gate in situation.gates):
+        return "no_source", f"no gate has a pressure above the air's after {time}; {share}"
+    dry = np.flatnonzero(~state.full)
+    where = ", ".join(f"{x:.6g}" for x in points[dry].mean(axis=0))
+    return "trapped", (
+        f"the front stands still since {time}; {share}, {len(dry)} nodes around ({where}) m stay "
+        "dry: the air there holds the resin back, or the gates' pressure does not exceed the vents'"
+    )

@@ -1,23 +1,183 @@
-"""Flow at the start or end of a time step, with gates, vents and film as they drive it."""
+"""Flow at the start or end of a time step, with gates, vents and film as they drive it.
+
+A :class:`FillingModel` is what a filling computes with beside its state. Model and state make the
+:class:`Situation` that holds at the start of a step, and that makes the :class:`Stage`: pressures
+and flows, and what gates and vents bring and take.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.factors import Factors
-from lcmchain.coupling.infiltration.flow_medium import Sinking
-from lcmchain.coupling.infiltration.holes import neighbours, widening
-from lcmchain.coupling.infiltration.pressure import Boundary, Flow, solve_flow
-from lcmchain.coupling.infiltration.situation import Situation
-from lcmchain.coupling.infiltration.state import FillingState
-from lcmchain.coupling.infiltration.supply import OpenGate
+from lcmchain.coupling.infiltration.flow.boundaries import OpenGate, Priming, Supply, prime
+from lcmchain.coupling.infiltration.flow.film import FilmFlow, FilmSinking, FilmSupply
+from lcmchain.coupling.infiltration.flow.flow_medium import Sinking
+from lcmchain.coupling.infiltration.flow.holes import neighbours, widening
+from lcmchain.coupling.infiltration.flow.medium import Air, Liquid, Medium, OpenFaces, find_air
+from lcmchain.coupling.infiltration.flow.network import Conductances
+from lcmchain.coupling.infiltration.flow.pressure import Boundary, Factors, Flow, Lift, solve_flow
+from lcmchain.coupling.infiltration.flow.state import FULL, FillingState
 from lcmchain.errors import SimulationError
 
-if TYPE_CHECKING:
-    from lcmchain.coupling.infiltration.filling import Filling
+
+@dataclass(frozen=True)
+class FillingOptions:
+    """How a filling is computed.
+
+    Parameters
+    ----------
+    front_step : control volumes that the front may cross in a time step, of the mean speed.
+    largest_step : [s].
+    largest_compaction : of the thickness of any cell in a time step.
+    largest_excess : share of its pores that a control volume may be over-full where the step closes
+        the last air around it; it flows off in the next step. Without, every pocket of air that
+        closes ends a step: many, where a whole part is pressed full.
+    trapped_air : air that no vent reaches is compressed (ideal gas, isothermal; all pressures
+        absolute) instead of leaving at the vent's pressure.
+    air_pressure : of the air at the start where no vent is open [Pa].
+    stop_when_idle : a filling in which nothing moves any more stops; otherwise its time goes on.
+    """
+
+    front_step: float = 0.6
+    largest_step: float = np.inf
+    largest_compaction: float = 0.02
+    largest_excess: float = 0.0
+    trapped_air: bool = False
+    air_pressure: float = 0.0
+    stop_when_idle: bool = True
+
+
+@dataclass
+class FillingModel:
+    """What a filling computes with, beside its state.
+
+    Parameters
+    ----------
+    medium : pores and conductances. liquid : the resin. supply : gates and vents.
+    gravity : [m/s2], (3,).
+    film : resin that lies on the sheet, if there is any.
+    open_faces : where air comes in through the faces, None for nowhere. Like the options it is no
+        part of the saved states.
+    """
+
+    medium: Medium
+    liquid: Liquid
+    supply: Supply
+    gravity: np.ndarray
+    options: FillingOptions
+    film: FilmSupply | None = None
+    open_faces: OpenFaces | None = None
+
+    def height(self, points: np.ndarray) -> np.ndarray:
+        """ρ g·x of places (K, 3) [Pa]."""
+        return self.liquid.resin.density * (points @ self.gravity)
+
+
+# --- what holds at the start of a step ------------------------------------------------------------
+
+
+# Of the pores of a control volume: what a full one may lack and stay so although they shrink, and
+# the round-off of its content.
+NEARLY, ROUND_OFF = 0.5 * (1.0 - FULL), 1e-13
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What holds at the start of a step and is kept over it.
+
+    Parameters
+    ----------
+    pores : volume of each control volume [m3], (N,). pore_rate : its rate [m3/s], (N,).
+    primings : gates and films that fill their own control volumes before resin flows on.
+    bleeds : control volumes at open vents, (N,); vent_pressure : there [Pa], nan elsewhere, (N,).
+    excess : resin in full control volumes beyond their pores [m3], (N,).
+    """
+
+    state: FillingState
+    conductances: Conductances
+    pores: np.ndarray
+    gates: list[OpenGate]
+    primings: list[Priming | FilmSinking]
+    bleeds: np.ndarray
+    vent_pressure: np.ndarray
+    air: Air
+    excess: np.ndarray
+    pore_rate: np.ndarray
+    lift: Lift | None
+    film: FilmFlow | None = None
+
+
+def situation_of(model: FillingModel, state: FillingState) -> Situation:
+    """Return what holds in a state; writes the pressure of the air into it."""
+    medium, supply = model.medium, model.supply
+    fluidity = model.liquid.fluidity(medium, state)
+    conductances = medium.conductances(state.thickness, fluidity)
+    pores = medium.pores(state.thickness)
+    vents = supply.open_vents(state.time, state.fill_time)
+    compressed = model.options.trapped_air
+    air = find_air(medium.network.edges, state, pores, vents, compressed)
+    dry = air.region >= 0
+    state.air_pressure = state.air_pressure.copy()
+    state.air_pressure[dry] = air.pressure[air.region[dry]]
+    gates = supply.open_gates(state.time, state, medium.network, conductances)
+    primings: list[Priming | FilmSinking] = [
+        prime(gate, medium.network, conductances, pores, state) for gate in gates if not gate.ready
+    ]
+    vent_pressure = np.full(len(pores), np.nan)
+    for _, vent, pressure in vents:
+        if not vent.closes_when_wet:
+            vent_pressure[vent.nodes] = pressure
+    film = None if model.film is None else _film_flow(model, model.film, state, pores, gates)
+    if film is not None and film.sinking is not None:
+        primings.append(film.sinking)
+    excess = np.where(state.full, state.resin_volume - pores, 0.0)
+    # Full volumes may lack a little; what they have too much of is only dropped as round-off.
+    excess[(excess > -NEARLY * pores) & (excess < ROUND_OFF * pores)] = 0.0
+    return Situation(
+        state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,
+        air, excess, medium.pore_rate(state.thickness_rate), medium.lift(state), film,
+    )  # fmt: skip
+
+
+def _film_flow(
+    model: FillingModel,
+    film: FilmSupply,
+    state: FillingState,
+    pores: np.ndarray,
+    gates: list[OpenGate],
+) -> FilmFlow | None:
+    viscosity = model.liquid.node_viscosity(state)
+    under_gates = np.zeros(len(pores), dtype=bool)
+    for gate in gates:
+        under_gates[gate.gate.nodes] = True
+    return film.at(state, model.medium, pores, viscosity, under_gates)
+
+
+def at_the_same_rate(situation: Situation, share: float) -> Situation:
+    """Of what has no room, as much as flows in a share of the step; the rest in later ones.
+
+    What a full volume lacks is drawn in at once: else the front would come back to it.
+    """
+    excess = situation.excess
+    if share == 1.0 or not excess.any():
+        return situation
+    return replace(situation, excess=np.where(excess > 0.0, share * excess, excess))
+
+
+def thickness_rate(situation: Situation, flow: Flow) -> np.ndarray:
+    """Rate of the cells' thickness [m/s], (C,), with what the pressure of the resin adds."""
+    state, lift = situation.state, situation.lift
+    if lift is None:
+        return state.thickness_rate
+    rate = state.thickness_rate.copy()
+    rate[lift.cells] += state.lift[lift.cells] * (flow.lifted - lift.reference)
+    return rate
+
+
+# --- the flow -------------------------------------------------------------------------------------
 
 
 class Stage(NamedTuple):
@@ -52,8 +212,8 @@ class _Switches:
 class DrivenFlow:
     """Solves the flow of the stages of a step; keeps the factors of its matrices."""
 
-    def __init__(self, filling: Filling) -> None:
-        self.filling = filling
+    def __init__(self, model: FillingModel) -> None:
+        self.model = model
         self.factors = Factors()
 
     def stage(
@@ -131,7 +291,7 @@ class DrivenFlow:
         nodes = gate.gate.nodes
         if not (np.isfinite(gate.contact) and gate.contact < 0.0 and flow.pressure[nodes[0]] > own):
             return False
-        beside = neighbours(self.filling.medium.network, nodes)
+        beside = neighbours(self.model.medium.network, nodes)
         # Potentials: below the hole the weight of the resin adds to its pressure.
         most = own - float(self.height()[nodes].min())
         return bool((flow.potential[beside[state.full[beside]]] > most).any())
@@ -139,8 +299,8 @@ class DrivenFlow:
     def _solve(
         self, situation: Situation, state: FillingState, step: float, switches: _Switches
     ) -> Flow:
-        filling, count = self.filling, len(state.full)
-        network = filling.medium.network
+        count = len(state.full)
+        network = self.model.medium.network
         fixed = np.where(state.full & ~switches.shut, situation.vent_pressure, np.nan)
         contact, outside = np.zeros(count), np.zeros(count)
         source = np.where(state.full, -situation.pore_rate + situation.excess / step, 0.0)
@@ -152,7 +312,10 @@ class DrivenFlow:
                 continue
             nodes, wide = gate.gate.nodes, switches.wide[k]
             if wide:
-                own = widening(network, situation.conductances, gate.gate, gate.contact, state)
+                assert gate.gate.radius is not None  # as only holes are wide
+                own = widening(
+                    network, situation.conductances, nodes, gate.gate.radius, gate.contact, state
+                )
                 wider = own if wider is None else np.maximum(wider, own)
             if not switches.limited[k]:
                 tied.append((nodes, float(gate.rate or 0.0)))
@@ -181,7 +344,7 @@ class DrivenFlow:
 
     def _sinking(self, situation: Situation, state: FillingState, step: float) -> Sinking | None:
         """Columns that fill through the thickness, from where they are at the step's start."""
-        network = self.filling.medium.network
+        network = self.model.medium.network
         if network.links is None:
             return None
         first = network.in_plane_count
@@ -193,7 +356,7 @@ class DrivenFlow:
 
     def _pockets(self, situation: Situation, step: float) -> tuple[np.ndarray, np.ndarray]:
         air = situation.air
-        if not self.filling.options.trapped_air or air.vented.all():
+        if not self.model.options.trapped_air or air.vented.all():
             return np.full(len(air.region), -1), np.zeros(0)
         closed = np.flatnonzero(~air.vented)
         number = np.full(len(air.vented), -1)
@@ -205,7 +368,7 @@ class DrivenFlow:
         self, situation: Situation, flow: Flow, switches: _Switches
     ) -> tuple[np.ndarray, np.ndarray]:
         """Pressure [Pa] and flow rate [m3/s] of all gates, nan for those that are closed."""
-        count = len(self.filling.supply.gates)
+        count = len(self.model.supply.gates)
         pressure, rate = np.full(count, np.nan), np.full(count, np.nan)
         for gate, wide in zip(situation.gates, switches.wide, strict=True):
             if gate.ready:
@@ -218,10 +381,10 @@ class DrivenFlow:
 
     def height(self) -> np.ndarray:
         """ρ g·x of the nodes [Pa], (N,)."""
-        return self.filling.height(self.filling.medium.mesh.points)
+        return self.model.height(self.model.medium.mesh.points)
 
 
-def check_balance(filling: Filling, situation: Situation, stage: Stage) -> None:
+def check_balance(model: FillingModel, situation: Situation, stage: Stage) -> None:
     """What full nodes give off beyond their source comes from gates and vents alone."""
     net = np.abs(stage.flow.net)
     for gate in situation.gates:
@@ -240,7 +403,7 @@ def check_balance(filling: Filling, situation: Situation, stage: Stage) -> None:
         pressure = np.abs(stage.flow.lifted) + np.abs(lift.reference)
         noise += 1e-12 * float(np.max(lift.conductance * pressure))
     if net[worst] > 1e-6 * scale + noise and net[worst] > 0.0:
-        place = ", ".join(f"{x:.6g}" for x in filling.mesh.points[worst])
+        place = ", ".join(f"{x:.6g}" for x in model.medium.mesh.points[worst])
         raise SimulationError(
             f"at {situation.state.time:.6g} s resin is squeezed or drawn around node {worst} "
             f"at ({place}) m, and has no way in or out; open a gate or vent there"

@@ -1,0 +1,1 @@
+"""Darcy flow with a moving front."""
