@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from lcmchain.coupling.infiltration.flow.network import Network, RaceTrack
 from lcmchain.coupling.infiltration.flow.pairs import cut, flip
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+
+from .sample_meshes import plate, random_plate
 
 SIDE = 0.3
 MESHES = {

@@ -9,8 +9,9 @@ from lcmchain.coupling.infiltration.flow.flow_medium import FlowMedium, lead_len
 from lcmchain.coupling.infiltration.flow.preform import Preform
 from lcmchain.coupling.infiltration.resin import CastroMacoskoViscosity, KamalSourour
 from lcmchain.coupling.infiltration.resin_temperature import ConstantTemperature
-from lcmchain.coupling.infiltration.sample_meshes import plate
 from lcmchain.errors import InputError
+
+from .sample_meshes import plate
 
 LENGTH, WIDTH, HEIGHT, POROSITY, THROUGH = 0.3, 0.02, 0.004, 0.5, 4e-12
 LAYER, LAYER_POROSITY, LAYER_PERMEABILITY = 0.001, 0.8, 3e-9

@@ -6,7 +6,8 @@ import pytest
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
 from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.flow.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+
+from .sample_meshes import plate
 
 HOLE = 0.018
 

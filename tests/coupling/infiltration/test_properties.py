@@ -10,8 +10,9 @@ from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeT
 from lcmchain.coupling.infiltration.flow.film import Film
 from lcmchain.coupling.infiltration.flow.network import RaceTrack
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
 from lcmchain.errors import InputError
+
+from .sample_meshes import plate, random_plate
 
 
 @pytest.mark.parametrize("seed", range(12))

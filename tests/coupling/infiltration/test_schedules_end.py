@@ -7,7 +7,8 @@ from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.flow.film import Film
 from lcmchain.coupling.infiltration.flow.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+
+from .sample_meshes import plate
 
 
 def filling(*gates):

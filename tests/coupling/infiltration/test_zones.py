@@ -9,7 +9,8 @@ from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.flow.front import find_front
 from lcmchain.coupling.infiltration.flow.network import Network, RaceTrack
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+
+from .sample_meshes import plate
 
 LENGTH, WIDTH, HEIGHT = 0.3, 0.1, 0.003
 POROSITY, VISCOSITY, PRESSURE = 0.5, 0.1, 1e5

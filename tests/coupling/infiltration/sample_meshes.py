@@ -1,4 +1,4 @@
-"""Meshes of cases with a known solution, for verification and the benchmark."""
+"""Meshes of cases with a known solution."""
 
 from __future__ import annotations
 
