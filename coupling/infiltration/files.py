@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import io
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -17,12 +13,16 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import __version__
-from lcmchain.atomic import replacing
 from lcmchain.coupling.filling_part import SavedFilling
 from lcmchain.coupling.infiltration.flow.state import DrySpot, FillingState
 from lcmchain.coupling.infiltration.results import FORCES, FilledPart, FillingRecord
+from lcmchain.coupling.iteration.checkpoint import (
+    flattened,
+    read_archive,
+    restored,
+    write_archive,
+)
 from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
-from lcmchain.coupling.iteration.saved_tree import flattened, restored
 from lcmchain.coupling.solids.explicit import SavedForming
 from lcmchain.coupling.solids.local import SavedCompaction
 from lcmchain.errors import InputError
@@ -285,11 +285,8 @@ def _dry_spots(filled: FilledPart) -> xr.Dataset:
 
 
 # --- checkpoint: all that a filling needs to go on as if it had never stopped ---------------------
-# The first line names the format and the SHA-256 of the rest: a file that differs in one bit from
-# what was written is refused before anything of it is read.
 
 
-FORMAT = 4
 #: Records that a saved state is made of.
 RECORDS = {
     record.__name__: record
@@ -298,7 +295,7 @@ RECORDS = {
         IterationRecord, WindowRecord,
     )
 }  # fmt: skip
-_FIRST_WORDS = b"lcmchain filling"
+_FORM = "lcmchain filling 4"
 
 
 def write_checkpoint(
@@ -310,20 +307,11 @@ def write_checkpoint(
     state : what a filling, or the mould that closes on it, saves.
     """
     tree, kept = flattened(state)
-    header: dict[str, Any] = {"fingerprint": fingerprint, "state": tree}
-    arrays: dict[str, Any] = {f"state_{number}": array for number, array in enumerate(kept)}
-    header["array_count"] = len(kept)
+    header = {"fingerprint": fingerprint, "state": tree, "array_count": len(kept)}
+    arrays = {f"state_{number}": array for number, array in enumerate(kept)}
     for entry in fields(FillingRecord):
         arrays[f"record_{entry.name}"] = np.array(getattr(record, entry.name))
-    content = io.BytesIO()
-    np.savez(content, header=np.array(json.dumps(header)), **arrays)
-    body = content.getbuffer()
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        digest = hashlib.sha256(body).hexdigest()
-        file.write(_FIRST_WORDS + f" {FORMAT} {digest}\n".encode())
-        file.write(body)
-        file.flush()
-        os.fsync(file.fileno())
+    write_archive(path, _FORM, header, arrays)
 
 
 def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[Any, FillingRecord]:
@@ -333,43 +321,20 @@ def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[Any, Filli
     ------
     InputError : there is none, it is damaged, or it belongs to another filling.
     """
-    with np.load(io.BytesIO(_verified(path)), allow_pickle=False) as data:
-        header = json.loads(str(data["header"]))
-        found = header["fingerprint"]
-        other = [word for word in fingerprint if found.get(word) != fingerprint[word]]
-        if other:
-            raise InputError(
-                f"the checkpoint was written for another {' and another '.join(other)}; fill "
-                "without --resume, or into another folder",
-                file=path,
-            )
-        kept = [data[f"state_{number}"] for number in range(header["array_count"])]
-        state = restored(header["state"], kept, RECORDS)
-        record = FillingRecord(
-            **{e.name: _listed(data[f"record_{e.name}"]) for e in fields(FillingRecord)}
-        )
-    return state, record
-
-
-def _verified(path: Path) -> bytes:
-    try:
-        with open(path, "rb") as file:
-            first = file.readline(200)
-            body = file.read()
-    except FileNotFoundError:
+    header, arrays = read_archive(path, _FORM, "fill without --resume")
+    found = header["fingerprint"]
+    other = [word for word in fingerprint if found.get(word) != fingerprint[word]]
+    if other:
         raise InputError(
-            "there is no checkpoint to go on from; fill without --resume", file=path
-        ) from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
-    words = first.split()
-    wanted = hashlib.sha256(body).hexdigest().encode()
-    if words != [*_FIRST_WORDS.split(), str(FORMAT).encode(), wanted]:
-        raise InputError(
-            "this is no checkpoint of this version, or it is damaged; fill without --resume",
+            f"the checkpoint was written for another {' and another '.join(other)}; fill "
+            "without --resume, or into another folder",
             file=path,
         )
-    return body
+    kept = [arrays[f"state_{number}"] for number in range(header["array_count"])]
+    record = FillingRecord(
+        **{e.name: _listed(arrays[f"record_{e.name}"]) for e in fields(FillingRecord)}
+    )
+    return restored(header["state"], kept, RECORDS), record
 
 
 def _listed(values: np.ndarray) -> list:

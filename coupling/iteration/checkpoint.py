@@ -1,13 +1,26 @@
-"""A saved state as arrays and JSON, for a file: nested dicts, lists, tuples, records, arrays."""
+"""A saved state in a file: as arrays and JSON, in an archive that is whole or refused.
+
+A saved state is made of nested dicts, lists, tuples, records and arrays. The first line of the
+archive names the format and the SHA-256 of the rest: a file that differs in one bit from what was
+written is refused before anything of it is read.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import io
+import json
 import math
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from lcmchain.atomic import replacing
+from lcmchain.errors import InputError
 
 #: What a word of the tree stands for, in the first place of a list.
 _ARRAY, _LIST, _TUPLE, _DICT, _RECORD, _NUMBER = "array", "list", "tuple", "dict", "record", "float"
@@ -69,3 +82,50 @@ def _flat(saved: Any, arrays: list[np.ndarray]) -> Any:
         raise TypeError(f"a {type(saved).__name__} cannot be written to a checkpoint")
     kept = {key: _flat(value, arrays) for key, value in named.items()}
     return [_RECORD, type(saved).__name__, kept]
+
+
+# --- the archive ----------------------------------------------------------------------------------
+
+
+def write_archive(
+    path: Path, form: str, header: dict[str, Any], arrays: Mapping[str, np.ndarray]
+) -> None:
+    """Write a header, as JSON, and arrays, whole or not at all.
+
+    form : first words of the file: what it is, and the number of its format.
+    """
+    content = io.BytesIO()
+    np.savez(content, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
+    body = content.getbuffer()
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        digest = hashlib.sha256(body).hexdigest()
+        file.write(f"{form} {digest}\n".encode())
+        file.write(body)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read_archive(path: Path, form: str, anew: str) -> tuple[Any, dict[str, np.ndarray]]:
+    """Return header and arrays of a file of this form.
+
+    anew : how to do without it, for messages.
+
+    Raises
+    ------
+    InputError : there is none, it is damaged, or it has another form.
+    """
+    try:
+        with open(path, "rb") as file:
+            first = file.readline(200)
+            body = file.read()
+    except FileNotFoundError:
+        raise InputError(f"there is no checkpoint to go on from; {anew}", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    if first.split() != [*form.encode().split(), hashlib.sha256(body).hexdigest().encode()]:
+        raise InputError(
+            f"this is no checkpoint of this version, or it is damaged; {anew}", file=path
+        )
+    with np.load(io.BytesIO(body), allow_pickle=False) as data:
+        arrays = {name: data[name] for name in data.files}
+    return json.loads(str(arrays.pop("header"))), arrays
