@@ -110,7 +110,7 @@ SAMPLE = "history_time"
 Values = dict[str, np.ndarray]
 
 
-def filling_values(filled: FilledPart) -> Values:
+def _filling_values(filled: FilledPart) -> Values:
     """Return the fields of all saved states by name; cure, temperature and film where they are."""
     density = filled.setup.resin_density
     values = {
@@ -141,7 +141,7 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
     """Return the groups of the netCDF file: the part with its fields, histories, dry spots."""
     part, mesh = filled.setup.part, filled.setup.part.mesh
     dataset = part.dataset.assign_coords({TIME: _saved_times(filled.time)})
-    for name, values in filling_values(filled).items():
+    for name, values in _filling_values(filled).items():
         field = FILLING_FIELDS[name]
         for axis, variable in enumerate(field.variables):
             own = values[..., axis] if field.is_vector else values
@@ -200,7 +200,7 @@ def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
         if name in part.dataset
     }  # fmt: skip
     on_points: dict[str, np.ndarray] = {}
-    for name, values in filling_values(filled).items():
+    for name, values in _filling_values(filled).items():
         field = FILLING_FIELDS[name]
         own = values if name.endswith("fill_time") else values[frame]
         if field.location == "face":

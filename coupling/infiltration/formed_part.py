@@ -40,7 +40,6 @@ from lcmchain.scene.preform import OwnPermeability, Preform
 if TYPE_CHECKING:
     import xarray as xr
 
-
 #: Fields that no infiltration can do without.
 NEEDED = ("thickness", "fibre_volume_fraction")
 PERMEABILITIES = ("permeability_1", "permeability_2", "permeability_3")
@@ -457,7 +456,7 @@ def axes_in_plane(
 
 def _about(name: str) -> dict:
     stem = name[:-2] if name in AXES else name
-    return FIELDS[stem].attributes(name) | {"_FillValue": np.nan}
+    return _open(FIELDS[stem].attributes(name))
 
 
 def _is_result(path: Path) -> bool:
@@ -472,15 +471,15 @@ def _is_result(path: Path) -> bool:
 # --- a part in a folder of its own: all that a filling takes of it, without its source ------------
 
 
-PART_FIELDS, PART_MESH = "part.nc", "part_mesh.npz"
-#: Tables of sets of a target mesh.
-SETS = ("cell_sets", "node_sets", "parts")
+_FIELDS_FILE, _MESH_FILE = "part.nc", "part_mesh.npz"
+# Tables of sets of a target mesh.
+_SETS = ("cell_sets", "node_sets", "parts")
 
 
 def write_part(folder: Path, part: FormedPart) -> None:
     """Write the fields of a part (``part.nc``, UGRID) and its mesh with numbers and sets."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_netcdf(folder / PART_FIELDS, {ROOT: part.dataset})
+    write_netcdf(folder / _FIELDS_FILE, {ROOT: part.dataset})
     target = part.target
     arrays = {"points": target.points, "cell_ids": target.cell_ids, "node_ids": target.node_ids}
     about: dict[str, Any] = {
@@ -492,12 +491,12 @@ def write_part(folder: Path, part: FormedPart) -> None:
     }
     for number, (_, cells) in enumerate(target.blocks):
         arrays[f"block_{number}"] = cells
-    for table in SETS:
+    for table in _SETS:
         entries = getattr(target, table)
         about[table] = list(entries)
         arrays |= {f"{table}_{number}": rows for number, rows in enumerate(entries.values())}
     arrays["about"] = np.array(json.dumps(about))
-    np.savez(folder / PART_MESH, **arrays)  # type: ignore[arg-type]  # numpy 2.4 types its options so
+    np.savez(folder / _MESH_FILE, **arrays)  # type: ignore[arg-type]  # numpy 2.4 types its options so
 
 
 def read_part(folder: Path) -> FormedPart:
@@ -508,9 +507,9 @@ def read_part(folder: Path) -> FormedPart:
     InputError : the files are not there, or are no part.
     """
     try:
-        with open_netcdf(folder / PART_FIELDS, mask_and_scale=False) as dataset:
+        with open_netcdf(folder / _FIELDS_FILE, mask_and_scale=False) as dataset:
             dataset = dataset.load()
-        with np.load(folder / PART_MESH, allow_pickle=False) as data:
+        with np.load(folder / _MESH_FILE, allow_pickle=False) as data:
             about = json.loads(str(data["about"]))
             dataset = dataset.set_coords(about["coordinates"])
             blocks = tuple(
@@ -518,7 +517,7 @@ def read_part(folder: Path) -> FormedPart:
             )
             sets: dict[str, Any] = {
                 table: {name: data[f"{table}_{k}"] for k, name in enumerate(about[table])}
-                for table in SETS
+                for table in _SETS
             }
             target = TargetMesh(
                 data["points"], blocks, {}, cell_ids=data["cell_ids"], node_ids=data["node_ids"],

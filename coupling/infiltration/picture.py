@@ -152,7 +152,7 @@ def nice_levels(values: np.ndarray, lowest: float | None = None) -> np.ndarray:
     return np.asarray(MaxNLocator(BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
 
 
-def band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
+def _band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
     """Return the colours of the bands between levels, shape (B, 4)."""
     count = len(levels) - 1
     return matplotlib.colormaps[colour_map](np.linspace(0.04, DARKEST[colour_map], count))
@@ -173,7 +173,7 @@ def paint_contours(
     corners, at, _ = triangles_around_centres(points, cells, values)
     found = contours(corners, at, levels)
     light = brightness(corners, view) if shaded else np.ones(len(corners))
-    wet = band_colours(levels, colour_map)[found.band][:, :3] * light[found.triangle, None]
+    wet = _band_colours(levels, colour_map)[found.band][:, :3] * light[found.triangle, None]
     dry = np.array(DRY_COLOUR) * light[found.empty_triangle, None]
     empty = found.empty[:, [0, 1, 2, 2, 2]]
     draw_facets(
@@ -285,7 +285,7 @@ def draw_level_bar(
     from matplotlib.patches import Patch
 
     colours = ScalarMappable(
-        BoundaryNorm(levels, len(levels) - 1), ListedColormap(band_colours(levels, colour_map))
+        BoundaryNorm(levels, len(levels) - 1), ListedColormap(_band_colours(levels, colour_map))
     )
     bar = figure.colorbar(colours, cax=axis, ticks=levels)
     bar.outline.set_linewidth(0.6)

@@ -153,7 +153,7 @@ def set_up(
         lies = np.flatnonzero(np.asarray(film.thickness) > 0.0)
     _require_reached(mesh, gates, vents, np.union1d(wet, lies), places)
     setup = FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, (), medium)
-    return replace(setup, warnings=(*part.warnings, *mesh.warnings(), *doubts(setup, places)))
+    return replace(setup, warnings=(*part.warnings, *mesh.warnings(), *_doubts(setup, places)))
 
 
 def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
@@ -379,12 +379,12 @@ MOST_GATE = 0.5
 WIDEST_TRACK = 1.0
 
 
-def doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
+def _doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
     """Yield a sentence for each, with its remedy."""
-    yield from _size(places)
-    yield from _gates(setup, places)
+    yield from _size_doubts(places)
+    yield from _gate_doubts(setup, places)
     yield from _never_open(setup)
-    yield from _regions(setup, places)
+    yield from _region_doubts(setup, places)
     yield from _layer_doubts(setup, places)
     for track in setup.case.race_tracks:
         if track.width > WIDEST_TRACK * places.edge_length:
@@ -396,7 +396,7 @@ def doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
         yield "gravity is zero; leave it out"
 
 
-def _size(places: Places) -> Iterator[str]:
+def _size_doubts(places: Places) -> Iterator[str]:
     extent = float(np.ptp(places.points[places.used], axis=0).max())
     if not SMALLEST_PART <= extent <= LARGEST_PART:
         yield (
@@ -405,7 +405,7 @@ def _size(places: Places) -> Iterator[str]:
         )
 
 
-def _gates(setup: FillingSetup, places: Places) -> Iterator[str]:
+def _gate_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
     for gate in setup.gates:
         if len(gate.nodes) == 1 and gate.radius is None and gate.flow_rate is None:
             yield (
@@ -430,7 +430,7 @@ def _never_open(setup: FillingSetup) -> Iterator[str]:
                 )
 
 
-def _regions(setup: FillingSetup, places: Places) -> Iterator[str]:
+def _region_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
     """Regions that share cells, and denser ones whose permeability stays that of the mapping."""
     regions = setup.case.regions
     rows = [places.cells_of(region, "regions") for region in regions]

@@ -51,7 +51,7 @@ FILES = {
     "medium_time": "_medium_time.png",
 }  # fmt: skip
 #: What a mapping adds to the title of a result.
-OF_MAPPING = ": forming fields on the"
+_OF_MAPPING = ": forming fields on the"
 PICTURES = ("fill_time", "pressure", "curves", "medium_time")
 
 
@@ -184,17 +184,17 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
-def title_of(filled: FilledPart, report: FillingReport) -> str:
+def _title_of(filled: FilledPart, report: FillingReport) -> str:
     """Return what was filled, in words."""
     of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
-    of_part = of_part.partition(OF_MAPPING)[0]
+    of_part = of_part.partition(_OF_MAPPING)[0]
     return f"{of_part}: {report.name}".lstrip(": ")
 
 
 def write_filling(path: Path, filled: FilledPart, report: FillingReport) -> None:
     """Write the netCDF file of a filling, whole or not at all."""
     about = {
-        "title": f"{title_of(filled, report)}: infiltration",
+        "title": f"{_title_of(filled, report)}: infiltration",
         "filling_warnings": "\n".join(report.warnings),
     }
     write_netcdf(path, filling_groups(filled, about))
@@ -217,7 +217,7 @@ def _write(
     report.files = {what: path.name for what, path in files.items()}
     share = report.filled_share
     tell(share, "writing the filling")
-    title = title_of(filled, report)
+    title = _title_of(filled, report)
     write_filling(files["netcdf"], filled, report)
     if options.vtu:
         write_vtu(files["vtu"], filled)

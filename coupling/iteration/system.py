@@ -503,7 +503,7 @@ class Predictor:
 
     def at(self, time: float) -> list[Values]:
         """Return the fields extrapolated to ``time``, new arrays."""
-        weights = lagrange_weights(self._times, time)
+        weights = _lagrange_weights(self._times, time)
         fields = []
         for number in range(len(self._values[0])):
             # From the newest value on: a field that does not change stays bit-identical.
@@ -523,7 +523,7 @@ class Predictor:
         self._times, self._values = list(times), [[field.copy() for field in row] for row in values]
 
 
-def lagrange_weights(nodes: list[float], time: float) -> list[float]:
+def _lagrange_weights(nodes: list[float], time: float) -> list[float]:
     """Return the weights of the values at ``nodes`` for their polynomial at ``time``; sum 1."""
     weights = []
     for i, here in enumerate(nodes):

@@ -131,7 +131,7 @@ def _in_pocket_without(takes: np.ndarray, full: np.ndarray, edges: np.ndarray) -
     return ~alive[pocket]
 
 
-def squared_section(moment: np.ndarray, spread: np.ndarray) -> np.ndarray:
+def _squared_section(moment: np.ndarray, spread: np.ndarray) -> np.ndarray:
     """G · S⁻¹ G of moments (K, 2) and spreads (K, 3): κ L² / A of a straight front [1/(Pa s)]."""
     xx, yy, xy = spread.T
     gx, gy = moment.T
@@ -159,7 +159,7 @@ def _section_along_flow(
     No resin crosses the rim: there the flow runs along it, or straight towards it if the front
     comes from within. In a corner nothing is behind the node.
     """
-    section = squared_section(moment, spread)
+    section = _squared_section(moment, spread)
     inward = network.unfolding.inward[nodes]
     angle = network.unfolding.angle[nodes]
     along = np.stack([-inward[:, 1], inward[:, 0]], axis=1)

@@ -3,6 +3,7 @@
 The flow from node i to node j through a cell is T_ij (u_i - u_j), with T_ij = -∫ ∇N_i · h K/µ ∇N_j
 dA: the finite-element matrix read as a network. What leaves i reaches j, so resin is conserved
 whatever the mesh. T_ij may be negative (obtuse triangles, long quadrilaterals, strong anisotropy).
+Race tracks, and links through the thickness to a flow medium, are edges like the others.
 """
 
 from __future__ import annotations

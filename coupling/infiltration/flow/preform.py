@@ -18,7 +18,6 @@ from lcmchain.mapping.target import TargetMesh
 if TYPE_CHECKING:
     import xarray as xr
 
-
 # Of the shortest edge: two nodes this close are one point with two numbers.
 SAME_PLACE = 1e-6
 

@@ -97,7 +97,7 @@ class TimeStep:
                 self.forget()
                 self._behind = True
                 return None
-            return idle_outcome(self.model, situation)
+            return _idle_outcome(self.model, situation)
         left = until - state.time
         for _ in range(MOST_CUTS):
             share = self._try(situation, stage, step)
@@ -329,7 +329,7 @@ def share_in_words(share: float) -> str:
     return f"all but {left:.1g} % of the pores are filled"
 
 
-def idle_outcome(model: FillingModel, situation: Situation) -> tuple[str, str]:
+def _idle_outcome(model: FillingModel, situation: Situation) -> tuple[str, str]:
     """Return outcome and message of a filling in which nothing moves any more."""
     state, points = situation.state, model.medium.mesh.points
     time = f"{state.time:.6g} s"
