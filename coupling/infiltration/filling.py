@@ -6,7 +6,6 @@ A filling is a model (:class:`FillingModel`), its state, and what takes the time
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,13 @@ from lcmchain.coupling.infiltration.flow.boundaries import Gate, Supply, Vent
 from lcmchain.coupling.infiltration.flow.driven_flow import FillingModel, FillingOptions
 from lcmchain.coupling.infiltration.flow.film import Film, FilmSupply
 from lcmchain.coupling.infiltration.flow.flow_medium import Links, joined_parts
-from lcmchain.coupling.infiltration.flow.medium import Liquid, Medium, OpenFaces
+from lcmchain.coupling.infiltration.flow.medium import (
+    Liquid,
+    Medium,
+    OpenFaces,
+    Resin,
+    ResinTemperature,
+)
 from lcmchain.coupling.infiltration.flow.motion import find_dry_spots
 from lcmchain.coupling.infiltration.flow.network import RaceTrack
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
@@ -57,11 +62,11 @@ class Filling:
         self,
         mesh: FlowMesh,
         preform: Preform,
-        resin: Any,
+        resin: Resin | float,
         gates: Sequence[Gate],
         vents: Sequence[Vent],
         *,
-        temperature: Any | None = None,
+        temperature: ResinTemperature | None = None,
         gravity: np.ndarray | None = None,
         wetted: np.ndarray | None = None,
         film: Film | None = None,

@@ -1,7 +1,7 @@
 """The resin: its viscosity, and how it cures up to the gel point and beyond.
 
-A resin is an object that answers to :class:`Resin`. The filling asks it for viscosity and rate of
-cure and knows nothing of its law. Its temperature is in
+A resin is an object that answers to :class:`~lcmchain.coupling.infiltration.flow.medium.Resin`. The
+filling asks it for viscosity and rate of cure and knows nothing of its law. Its temperature is in
 :mod:`lcmchain.coupling.infiltration.resin_temperature`.
 """
 
@@ -9,58 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from lcmchain.coupling.infiltration.flow.medium import Resin
 from lcmchain.errors import InputError
 from lcmchain.scene import resin as tables
-
-
-class Resin(Protocol):
-    """A liquid of constant density whose viscosity depends on temperature and cure.
-
-    All methods take arrays of one shape, or shapes that broadcast, and return that shape.
-    """
-
-    @property
-    def density(self) -> float:
-        """Density [kg/m3]."""
-
-    @property
-    def gel_cure(self) -> float:
-        """Cure from which the resin no longer flows; infinite for one that never gels."""
-
-    @property
-    def initial_cure(self) -> float:
-        """Cure of the resin that enters."""
-
-    @property
-    def reacts(self) -> bool:
-        """Whether the resin cures at all; if not, nothing of its cure needs to be computed."""
-
-    @property
-    def depends_on_temperature(self) -> bool:
-        """Whether viscosity or cure depend on the temperature."""
-
-    def viscosity(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
-        """Viscosity [Pa s] at temperature [K] and cure [1]; infinite from the gel point on."""
-
-    def cure_rate(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
-        """Rate of cure [1/s]; not negative, and zero for the cured resin."""
-
-    def advance_cure(
-        self,
-        cure: np.ndarray,
-        temperature: np.ndarray,
-        step: float,
-        end_temperature: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """Return the cure after a step [s] of resin that stays where it is."""
-
-
-# --- viscosity ------------------------------------------------------------------------------------
-
 
 #: Density of an uncured epoxy resin [kg/m3], where none is given.
 USUAL_DENSITY = 1150.0

@@ -8,27 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from lcmchain.coupling.infiltration.flow.medium import ResinTemperature
 from lcmchain.errors import InputError
 from lcmchain.scene import resin as tables
-
-
-class ResinTemperature(Protocol):
-    """How the temperature of resin changes where it is; the flow carries it along."""
-
-    def inlet(self, time: float) -> float:
-        """Temperature [K] of the resin that enters at a time [s]."""
-
-    def advance(
-        self, temperature: np.ndarray, thickness: np.ndarray, time: float, step: float
-    ) -> np.ndarray:
-        """Return the temperature [K] after a step from a time on [s], where it is [K] now.
-
-        ``temperature`` and ``thickness`` of the textile [m] have one shape.
-        """
 
 
 @dataclass(frozen=True)

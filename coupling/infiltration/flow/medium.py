@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -157,6 +157,63 @@ _THICKENING, _LEAST_SHARE = 0.2, 5e-4
 _LITTLE_CURE = 1e-4
 
 
+class Resin(Protocol):
+    """A liquid of constant density whose viscosity depends on temperature and cure.
+
+    All methods take arrays of one shape, or shapes that broadcast, and return that shape.
+    """
+
+    @property
+    def density(self) -> float:
+        """Density [kg/m3]."""
+
+    @property
+    def gel_cure(self) -> float:
+        """Cure from which the resin no longer flows; infinite for one that never gels."""
+
+    @property
+    def initial_cure(self) -> float:
+        """Cure of the resin that enters."""
+
+    @property
+    def reacts(self) -> bool:
+        """Whether the resin cures at all; if not, nothing of its cure needs to be computed."""
+
+    @property
+    def depends_on_temperature(self) -> bool:
+        """Whether viscosity or cure depend on the temperature."""
+
+    def viscosity(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
+        """Viscosity [Pa s] at temperature [K] and cure [1]; infinite from the gel point on."""
+
+    def cure_rate(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
+        """Rate of cure [1/s]; not negative, and zero for the cured resin."""
+
+    def advance_cure(
+        self,
+        cure: np.ndarray,
+        temperature: np.ndarray,
+        step: float,
+        end_temperature: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return the cure after a step [s] of resin that stays where it is."""
+
+
+class ResinTemperature(Protocol):
+    """How the temperature of resin changes where it is; the flow carries it along."""
+
+    def inlet(self, time: float) -> float:
+        """Temperature [K] of the resin that enters at a time [s]."""
+
+    def advance(
+        self, temperature: np.ndarray, thickness: np.ndarray, time: float, step: float
+    ) -> np.ndarray:
+        """Return the temperature [K] after a step from a time on [s], where it is [K] now.
+
+        ``temperature`` and ``thickness`` of the textile [m] have one shape.
+        """
+
+
 class _Newtonian:
     """A resin of constant viscosity [Pa s], where only a number was given."""
 
@@ -174,12 +231,24 @@ class _Newtonian:
     def viscosity(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
         return np.full(np.shape(cure), self.value)
 
+    def cure_rate(self, temperature: np.ndarray, cure: np.ndarray) -> np.ndarray:
+        return np.zeros(np.shape(cure))
+
+    def advance_cure(
+        self,
+        cure: np.ndarray,
+        temperature: np.ndarray,
+        step: float,
+        end_temperature: np.ndarray | None = None,
+    ) -> np.ndarray:
+        return cure
+
 
 class Liquid:
     """A resin and its temperature in a filling."""
 
-    def __init__(self, resin: Any, temperature: Any | None) -> None:
-        self.resin: Any = _Newtonian(float(resin)) if isinstance(resin, (int, float)) else resin
+    def __init__(self, resin: Resin | float, temperature: ResinTemperature | None) -> None:
+        self.resin: Resin = _Newtonian(float(resin)) if isinstance(resin, (int, float)) else resin
         self.temperature = temperature
         if self.resin.depends_on_temperature and temperature is None:
             raise InputError(

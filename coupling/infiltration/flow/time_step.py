@@ -61,7 +61,11 @@ class Present(NamedTuple):
 
 
 class TimeStep:
-    """Takes the time steps of a filling; remembers the flow of the state that it has looked at."""
+    """Takes the time steps of a filling; remembers the flow of the state that it has looked at.
+
+    The state is the same object from call to call, changed by the steps alone. If it is replaced
+    or changed in another way, :meth:`forget` comes before the next call.
+    """
 
     def __init__(self, model: FillingModel) -> None:
         self.model = model
