@@ -140,13 +140,6 @@ def _squared_section(moment: np.ndarray, spread: np.ndarray) -> np.ndarray:
     return np.divide(section, area, out=np.zeros_like(area), where=area > 0.0)
 
 
-def principal_spread(spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Larger and smaller principal value of spreads (K, 3)."""
-    middle, half = 0.5 * (spread[:, 0] + spread[:, 1]), 0.5 * (spread[:, 0] - spread[:, 1])
-    radius = np.hypot(half, spread[:, 2])
-    return middle + radius, middle - radius
-
-
 def _section_along_flow(
     network: Network,
     nodes: np.ndarray,

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.flow.front import find_front, principal_spread
+from lcmchain.coupling.infiltration.flow.front import find_front
 from lcmchain.coupling.infiltration.flow.network import Conductances, Network
 from lcmchain.coupling.infiltration.flow.state import FillingState
 
@@ -184,8 +184,15 @@ def _leaving(
 
 def mean_conductance(network: Network, conductances: Conductances, nodes: np.ndarray) -> float:
     """Geometric mean of the principal values of h K/µ at nodes, averaged [m3/(Pa s)]."""
-    larger, smaller = principal_spread(conductances.spread[nodes])
+    larger, smaller = _principal_spread(conductances.spread[nodes])
     return float(np.sqrt(np.maximum(larger * smaller, 0.0)).sum() / _area(network, nodes))
+
+
+def _principal_spread(spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Larger and smaller principal value of spreads (K, 3)."""
+    middle, half = 0.5 * (spread[:, 0] + spread[:, 1]), 0.5 * (spread[:, 0] - spread[:, 1])
+    radius = np.hypot(half, spread[:, 2])
+    return middle + radius, middle - radius
 
 
 def radial_time(
