@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.state import FillingState
+from lcmchain.coupling.infiltration.flow.state import FillingState
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
     PRESSURE_AT_REST,

@@ -12,9 +12,9 @@ from dataclasses import fields
 import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.filling_run import is_frame_due, node_areas
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup
+from lcmchain.coupling.infiltration.stage import is_frame_due, node_areas
 
 Piece = dict[str, np.ndarray]
 

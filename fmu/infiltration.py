@@ -13,9 +13,9 @@ from uuid import NAMESPACE_URL, uuid5
 import numpy as np
 
 from lcmchain.coupling.filling_part import FillingPart
-from lcmchain.coupling.infiltration.boundaries import Gate, Schedule, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.formed_part_file import read_part
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, Vent
+from lcmchain.coupling.infiltration.formed_part import read_part
 from lcmchain.coupling.infiltration.report import filling_report
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.cosimulation.archive import read_member
-from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
-from lcmchain.coupling.infiltration.formed_part_file import write_part
+from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part, write_part
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.coupling.filling_part import SavedFilling
-from lcmchain.coupling.infiltration.state import DrySpot, FillingState
-from lcmchain.coupling.iteration.saved_tree import flattened, restored
+from lcmchain.coupling.infiltration.flow.state import DrySpot, FillingState
+from lcmchain.coupling.iteration.checkpoint import flattened, restored
 from lcmchain.errors import InputError
 from lcmchain.fmu.infiltration_variables import FRONT
 from lcmchain.fmu.saved_state import PartState

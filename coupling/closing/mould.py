@@ -16,8 +16,8 @@ import numpy as np
 from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh
 from lcmchain.coupling.infiltration.formed_part import FormedPart
-from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,

@@ -15,8 +15,8 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.coupling.cosimulation.connections import Link
 from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
-from lcmchain.coupling.iteration.measures import largest_size
-from lcmchain.coupling.iteration.quasi_newton import QuasiNewton
+from lcmchain.coupling.iteration.attempt import largest_size
+from lcmchain.coupling.iteration.schemes import QuasiNewton
 from lcmchain.errors import SimulationError
 
 #: Iterations of a loop, and the change that ends them, relative to the values.

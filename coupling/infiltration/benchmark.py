@@ -18,11 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 
 #: Squares along the side of the plate; each gives two triangles.
 SIDES = (22, 71, 224)
@@ -91,7 +89,7 @@ class _Enough(Exception):
 
 
 def _filling(side: int, wet: float = 0.0) -> Filling:
-    mesh: FlowMesh = plate(side, side, SIZE, SIZE, triangles=True)
+    mesh = _plate(side)
     radius = np.linalg.norm(mesh.points[:, :2] - 0.5 * SIZE, axis=1)
     rows = np.flatnonzero(radius < wet * SIZE * math.sqrt(1.0 / math.pi))
     gate = np.flatnonzero(radius <= max(HOLE, radius.min()))
@@ -103,6 +101,16 @@ def _filling(side: int, wet: float = 0.0) -> Filling:
         [Vent("rim", mesh.rim)],
         wetted=np.union1d(rows, gate) if wet else None,
     )
+
+
+def _plate(side: int) -> FlowMesh:
+    """Return the plate with so many squares along its side, each cut into two triangles."""
+    x, y = np.meshgrid(*2 * [np.linspace(0.0, SIZE, side + 1)], indexing="ij")
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    node = np.arange(len(points)).reshape(side + 1, side + 1)
+    corners = (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:])
+    squares = np.stack([corner.ravel() for corner in corners], axis=1)
+    return FlowMesh(points, np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]]))
 
 
 def _memory() -> int:

@@ -1,8 +1,9 @@
-"""Files of a filling: netCDF (UGRID), VTU and a time series for ParaView."""
+"""Files of a filling: netCDF (UGRID), VTU and a time series for ParaView, and its checkpoint."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,94 @@ import numpy as np
 import xarray as xr
 
 from lcmchain import __version__
-from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
-from lcmchain.coupling.infiltration.results import FORCES, FilledPart
+from lcmchain.coupling.filling_part import SavedFilling
+from lcmchain.coupling.infiltration.flow.state import DrySpot, FillingState
+from lcmchain.coupling.infiltration.results import FORCES, FilledPart, FillingRecord
+from lcmchain.coupling.iteration.checkpoint import (
+    flattened,
+    read_archive,
+    restored,
+    write_archive,
+)
+from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
+from lcmchain.coupling.solids.explicit import SavedForming
+from lcmchain.coupling.solids.local import SavedCompaction
+from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.stages import STAGE, stage_variable
+from lcmchain.fields.table import FACE, NODE, Field
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, Variable
 from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
+from lcmchain.solver.simulation import StepControl
+from lcmchain.state import State
+
+_FIELDS = (
+    Field(
+        "resin_pressure", "Pa", "pressure of the resin", NODE,
+        "in the resin; where no resin is, that of the air",
+    ),
+    Field(
+        "fill_factor", "1", "fill factor", NODE,
+        "volume of resin per pore volume of the control volume of the node",
+    ),
+    Field(
+        "fill_time", "s", "fill time", NODE,
+        "time at which the front passed the node; not a number where it is dry",
+    ),
+    Field(
+        "resin_mass", "kg", "resin mass", NODE,
+        "resin in the control volume of the node: the sum over the nodes is that in the part",
+    ),
+    Field(
+        "degree_of_cure", "1", "degree of cure", NODE,
+        "of the resin at the node, carried along by the flow",
+    ),
+    Field("resin_temperature", "K", "temperature of the resin", NODE, "of the resin at the node"),
+    Field(
+        "resin_film",
+        "m",
+        "thickness of the resin film",
+        NODE,
+        "of the resin that lies on the preform",
+    ),
+    Field(
+        "darcy_velocity", "m s-1", "Darcy velocity", FACE,
+        "volume of resin per time and area of the cross-section, - K grad p / viscosity, in the "
+        "plane of the face: the resin itself is faster by one over the porosity",
+        is_vector=True,
+    ),
+    Field(
+        "flow_medium_fill_factor", "1", "fill factor of the flow medium", NODE,
+        "resin over pore volume in the layer above the node; not a number where there is none",
+    ),
+    Field(
+        "flow_medium_fill_time", "s", "fill time of the flow medium", NODE,
+        "time at which the front passed in the layer above the node; not a number where it is dry",
+    ),
+    Field(
+        "flow_medium_pressure", "Pa", "pressure in the flow medium", NODE,
+        "of the resin, or of the air where the layer above the node is dry",
+    ),
+    Field(
+        "flow_medium_resin_mass", "kg", "resin mass in the flow medium", NODE,
+        "in the layer above the node: none of the resin in the part",
+    ),
+    Field(
+        "pressed_thickness", "m", "thickness under what presses on the part", FACE,
+        "of the part between closing tools or under a bag",
+    ),
+    Field(
+        "pressed_fibre_volume_fraction", "1", "fibre volume fraction under what presses", FACE,
+        "of the part between closing tools or under a bag",
+    ),
+)  # fmt: skip
+
+#: Fields of an infiltration by name.
+FILLING_FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
+
+
+# --- files ----------------------------------------------------------------------------------------
+
 
 #: Groups of the netCDF file beside the root.
 HISTORY, DRY_SPOTS, COUPLING = "/history", "/dry_spots", "/coupling"
@@ -27,7 +110,7 @@ SAMPLE = "history_time"
 Values = dict[str, np.ndarray]
 
 
-def filling_values(filled: FilledPart) -> Values:
+def _filling_values(filled: FilledPart) -> Values:
     """Return the fields of all saved states by name; cure, temperature and film where they are."""
     density = filled.setup.resin_density
     values = {
@@ -58,7 +141,7 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
     """Return the groups of the netCDF file: the part with its fields, histories, dry spots."""
     part, mesh = filled.setup.part, filled.setup.part.mesh
     dataset = part.dataset.assign_coords({TIME: _saved_times(filled.time)})
-    for name, values in filling_values(filled).items():
+    for name, values in _filling_values(filled).items():
         field = FILLING_FIELDS[name]
         for axis, variable in enumerate(field.variables):
             own = values[..., axis] if field.is_vector else values
@@ -117,7 +200,7 @@ def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
         if name in part.dataset
     }  # fmt: skip
     on_points: dict[str, np.ndarray] = {}
-    for name, values in filling_values(filled).items():
+    for name, values in _filling_values(filled).items():
         field = FILLING_FIELDS[name]
         own = values if name.endswith("fill_time") else values[frame]
         if field.location == "face":
@@ -199,3 +282,61 @@ def _dry_spots(filled: FilledPart) -> xr.Dataset:
     }  # fmt: skip
     variables["dry_spot"] = (("dry_spot",), np.array(names, dtype=str), {"long_name": "name"})
     return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"}).set_coords(["dry_spot"])
+
+
+# --- checkpoint: all that a filling needs to go on as if it had never stopped ---------------------
+
+
+#: Records that a saved state is made of.
+RECORDS = {
+    record.__name__: record
+    for record in (
+        FillingState, DrySpot, SavedFilling, SavedCompaction, SavedForming, State, StepControl,
+        IterationRecord, WindowRecord,
+    )
+}  # fmt: skip
+_FORM = "lcmchain filling 4"
+
+
+def write_checkpoint(
+    path: Path, fingerprint: dict[str, str], state: Any, record: FillingRecord
+) -> None:
+    """Write state and record, whole or not at all.
+
+    fingerprint : hashes of what decides the numbers, by what they are of.
+    state : what a filling, or the mould that closes on it, saves.
+    """
+    tree, kept = flattened(state)
+    header = {"fingerprint": fingerprint, "state": tree, "array_count": len(kept)}
+    arrays = {f"state_{number}": array for number, array in enumerate(kept)}
+    for entry in fields(FillingRecord):
+        arrays[f"record_{entry.name}"] = np.array(getattr(record, entry.name))
+    write_archive(path, _FORM, header, arrays)
+
+
+def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[Any, FillingRecord]:
+    """Read the checkpoint of the filling with this fingerprint.
+
+    Raises
+    ------
+    InputError : there is none, it is damaged, or it belongs to another filling.
+    """
+    header, arrays = read_archive(path, _FORM, "fill without --resume")
+    found = header["fingerprint"]
+    other = [word for word in fingerprint if found.get(word) != fingerprint[word]]
+    if other:
+        raise InputError(
+            f"the checkpoint was written for another {' and another '.join(other)}; fill "
+            "without --resume, or into another folder",
+            file=path,
+        )
+    kept = [arrays[f"state_{number}"] for number in range(header["array_count"])]
+    record = FillingRecord(
+        **{e.name: _listed(arrays[f"record_{e.name}"]) for e in fields(FillingRecord)}
+    )
+    return restored(header["state"], kept, RECORDS), record
+
+
+def _listed(values: np.ndarray) -> list:
+    """A list of the numbers, or of the arrays, that were kept."""
+    return values.tolist() if values.ndim == 1 else list(values)

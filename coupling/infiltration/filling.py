@@ -1,27 +1,36 @@
-"""Filling of a porous sheet with resin: what a caller sees of it."""
+"""Filling of a porous sheet with resin: what a caller sees of it.
+
+A filling is a model (:class:`FillingModel`), its state, and what takes the time steps.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
-from lcmchain.coupling.infiltration.air import find_air, new_dry_spots
-from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
-from lcmchain.coupling.infiltration.factors import Work
-from lcmchain.coupling.infiltration.film_supply import Film, FilmSupply
-from lcmchain.coupling.infiltration.flow_medium import Links, joined_parts
-from lcmchain.coupling.infiltration.liquid import Liquid
-from lcmchain.coupling.infiltration.medium import Medium, check_thickness
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.open_faces import OpenFaces
-from lcmchain.coupling.infiltration.options import FillingOptions
-from lcmchain.coupling.infiltration.overflow import FULL
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.state import FillingFrame, FillingResult, FillingState
-from lcmchain.coupling.infiltration.supply import Supply
-from lcmchain.coupling.infiltration.time_step import TimeStep
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Supply, Vent
+from lcmchain.coupling.infiltration.flow.driven_flow import FillingModel, FillingOptions
+from lcmchain.coupling.infiltration.flow.film import Film, FilmSupply
+from lcmchain.coupling.infiltration.flow.flow_medium import Links, joined_parts
+from lcmchain.coupling.infiltration.flow.medium import (
+    Liquid,
+    Medium,
+    OpenFaces,
+    Resin,
+    ResinTemperature,
+)
+from lcmchain.coupling.infiltration.flow.motion import find_dry_spots
+from lcmchain.coupling.infiltration.flow.network import RaceTrack
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
+from lcmchain.coupling.infiltration.flow.pressure import Work
+from lcmchain.coupling.infiltration.flow.state import (
+    FULL,
+    FillingFrame,
+    FillingResult,
+    FillingState,
+)
+from lcmchain.coupling.infiltration.flow.time_step import TimeStep
 from lcmchain.errors import InputError, SimulationError
 
 __all__ = ["Filling", "FillingOptions"]
@@ -42,7 +51,7 @@ class Filling:
     film : resin that lies on the sheet and what presses on it.
     edges : race tracks.
     links : where cells of a flow medium lie on the preform, see
-        :meth:`lcmchain.coupling.infiltration.flow_medium.FlowMedium.layered`.
+        :meth:`lcmchain.coupling.infiltration.flow.flow_medium.FlowMedium.layered`.
 
     Raises
     ------
@@ -53,11 +62,11 @@ class Filling:
         self,
         mesh: FlowMesh,
         preform: Preform,
-        resin: Any,
+        resin: Resin | float,
         gates: Sequence[Gate],
         vents: Sequence[Vent],
         *,
-        temperature: Any | None = None,
+        temperature: ResinTemperature | None = None,
         gravity: np.ndarray | None = None,
         wetted: np.ndarray | None = None,
         film: Film | None = None,
@@ -65,29 +74,28 @@ class Filling:
         links: Links | None = None,
         options: FillingOptions | None = None,
     ) -> None:
-        self.options = options or FillingOptions()
         on_film = 0.0 if film is None else film.pressure
-        self.supply = Supply(gates, vents, mesh.node_count, on_film)
-        self.medium = Medium(mesh, preform, edges, self.supply.gate_nodes, links)
-        self.liquid = Liquid(resin, temperature)
-        #: Where air comes in through the faces, no part of the saved states; None for nowhere.
-        self.open_faces: OpenFaces | None = None
-        self.gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
-        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
+        supply = Supply(gates, vents, mesh.node_count, on_film)
+        medium = Medium(mesh, preform, edges, supply.gate_nodes, links)
+        liquid = Liquid(resin, temperature)
+        gravity = np.zeros(3) if gravity is None else np.asarray(gravity, dtype=float)
+        if gravity.shape != (3,) or not np.isfinite(gravity).all():
             raise InputError("has to be three finite numbers [m/s2]", key="gravity")
-        if self.gravity.any() and not self.liquid.resin.density > 0.0:
+        if gravity.any() and not liquid.resin.density > 0.0:
             raise InputError("gravity needs a resin with a density", key="resin.density")
-        self.film = None if film is None else FilmSupply(film)
+        on_top = None if film is None else FilmSupply(film)
+        options = options or FillingOptions()
+        self.model = FillingModel(medium, liquid, supply, gravity, options, on_top)
         self.state = self._start(wetted)
         self._check_sources()
-        self._steps = TimeStep(self)
+        self._steps = TimeStep(self.model)
 
     def _start(self, wetted: np.ndarray | None) -> FillingState:
         mesh, thickness = self.medium.mesh, self.medium.preform.thickness.copy()
         count = mesh.node_count
         fill = _fill_factors(wetted, count)
         pores = self.medium.pores(thickness)
-        vents = self.supply.open_vents(0.0, _Unreached(count))
+        vents = self.supply.open_vents(0.0, np.full(count, np.nan))
         lowest = min((pressure for _, _, pressure in vents), default=0.0)
         if not self.supply.vents and not self.options.trapped_air and not fill.all():
             raise InputError(
@@ -135,6 +143,44 @@ class Filling:
             )
 
     @property
+    def medium(self) -> Medium:
+        """Pores and conductances."""
+        return self.model.medium
+
+    @property
+    def liquid(self) -> Liquid:
+        """The resin."""
+        return self.model.liquid
+
+    @property
+    def supply(self) -> Supply:
+        """Gates and vents."""
+        return self.model.supply
+
+    @property
+    def film(self) -> FilmSupply | None:
+        """Resin that lies on the sheet, if there is any."""
+        return self.model.film
+
+    @property
+    def options(self) -> FillingOptions:
+        """How the filling is computed; others may be given between two steps."""
+        return self.model.options
+
+    @options.setter
+    def options(self, options: FillingOptions) -> None:
+        self.model.options = options
+
+    @property
+    def open_faces(self) -> OpenFaces | None:
+        """Where air comes in through the faces, no part of the saved states; None for nowhere."""
+        return self.model.open_faces
+
+    @open_faces.setter
+    def open_faces(self, faces: OpenFaces | None) -> None:
+        self.model.open_faces = faces
+
+    @property
     def mesh(self) -> FlowMesh:
         return self.medium.mesh
 
@@ -174,7 +220,7 @@ class Filling:
             raise InputError("the time to fill up to is not a number")
         outcome, message = "reached", f"{until:.6g} s are reached"
         while self.state.time < until:
-            ended = self._steps.take(until)
+            ended = self._steps.take(self.state, until)
             if ended is not None:
                 outcome, message = ended
                 if self.options.stop_when_idle:
@@ -183,14 +229,14 @@ class Filling:
                 continue
             if on_step is not None:
                 on_step(self)
-        self._steps.refresh()
+        self._steps.refresh(self.state)
         return outcome, message
 
     def run(
         self, until: float, frames: int = 20, on_step: Callable[[Filling], None] | None = None
     ) -> FillingResult:
         """Fill up to a time [s] and save frames at about equal filled shares."""
-        self._steps.refresh()
+        self._steps.refresh(self.state)
         saved = [self.frame()]
         last = self.filled_share
 
@@ -214,7 +260,7 @@ class Filling:
         height = self.height(medium.mesh.points)
         cells = medium.mesh.cells
         wet: np.ndarray = ((cells < 0) | state.full[cells]).all(axis=1)
-        velocity = medium.network.velocity(self._steps.present().pressure - height, factor)
+        velocity = medium.network.velocity(self._steps.present(state).pressure - height, factor)
         return FillingFrame(
             state.time, state.fill.copy(), self.pressure, state.cure.copy(),
             state.temperature.copy(), state.film.copy(), np.where(wet[:, None], velocity, 0.0),
@@ -228,7 +274,7 @@ class Filling:
         equations: between two steps it is that of the last one, and it knows the nodes in a hole
         by the field around it, which goes on to rise inside the hole.
         """
-        present = self._steps.present()
+        present = self._steps.present(self.state)
         pressure = present.pressure.copy()
         for gate, own in zip(self.supply.gates, present.gate_pressure, strict=True):
             if gate.radius is not None and np.isfinite(own):
@@ -238,16 +284,16 @@ class Filling:
     @property
     def gate_pressure(self) -> np.ndarray:
         """Pressure of each gate now [Pa], (G,); nan where it gives no resin."""
-        return self._steps.present().gate_pressure
+        return self._steps.present(self.state).gate_pressure
 
     @property
     def gate_rate(self) -> np.ndarray:
         """Flow rate of each gate now [m3/s], (G,); nan where it gives no resin."""
-        return self._steps.present().gate_rate
+        return self._steps.present(self.state).gate_rate
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """ρ g·x of places (K, 3) [Pa]."""
-        return self.liquid.resin.density * (points @ self.gravity)
+        return self.model.height(points)
 
     def save(self) -> FillingState:
         """Return a copy of the state."""
@@ -284,10 +330,10 @@ class Filling:
         count = self.medium.mesh.cell_count
         none, state = np.zeros(count), self.state
         given = (
-            check_thickness(thickness, count, "thickness"),
-            check_thickness(none if rate is None else rate, count, "thickness rate"),
-            check_thickness(none if lift is None else lift, count, "lift"),
-            check_thickness(none if reference is None else reference, count, "reference pressure"),
+            _of_cells(thickness, count, "thickness"),
+            _of_cells(none if rate is None else rate, count, "thickness rate"),
+            _of_cells(none if lift is None else lift, count, "lift"),
+            _of_cells(none if reference is None else reference, count, "reference pressure"),
         )
         self.medium.fibre_fraction(given[0])
         state.thickness, state.thickness_rate, state.lift, state.lift_reference = given
@@ -329,22 +375,7 @@ class Filling:
         state.gate_pressure = np.full(len(self.supply.gates), np.nan)
         state.gate_rate = state.gate_pressure.copy()
         state.next_step = 0.0
-        edges = self.medium.network.edges
-        vents = self.supply.open_vents(state.time, state)
-        air = find_air(edges, state, pores, vents, self.options.trapped_air)
-        state.enclosed, spots = new_dry_spots(air, self.medium, state, pores)
-        state.dry_spots = (*state.dry_spots, *spots)
-        self._steps.forget()
-
-    def let_air_in(self, nodes: np.ndarray, pressure: float) -> None:
-        """Open control volumes (N,), whose resin may draw back from there, to air [Pa].
-
-        They keep their resin, and count as full again where it fills the pores after a time step.
-        """
-        state = self.state
-        state.full = state.full & ~nodes
-        state.pressure = np.where(nodes, pressure, state.pressure)
-        state.air_pressure = np.where(nodes, pressure, state.air_pressure)
+        find_dry_spots(self.model, state, pores)
         self._steps.forget()
 
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
@@ -357,7 +388,7 @@ class Filling:
         names = [[place.name for place in places] for places in (gates, vents)]
         if names != [[p.name for p in self.supply.gates], [p.name for p in self.supply.vents]]:
             raise InputError("a filling keeps its gates and vents; give each under its name")
-        self.supply = Supply(gates, vents, self.mesh.node_count, self.supply.on_film)
+        self.model.supply = Supply(gates, vents, self.mesh.node_count, self.supply.on_film)
         self._steps.forget()
 
     def set_points(self, points: np.ndarray, step: float | None = None) -> None:
@@ -409,11 +440,23 @@ class Filling:
         self._steps.forget()
 
 
-class _Unreached:
-    """What schedules look at before anything flows."""
+def _of_cells(thickness: np.ndarray, count: int, name: str) -> np.ndarray:
+    """Return values of cells as an array (C,).
 
-    def __init__(self, count: int) -> None:
-        self.fill_time = np.full(count, np.nan)
+    Raises
+    ------
+    InputError : another number of values, or one that is not finite.
+    """
+    given = np.asarray(thickness, dtype=float)
+    if given.shape not in ((), (1,), (count,)):
+        raise InputError(
+            f"the {name} has the shape {given.shape}; give one number or ({count},), one per cell"
+        )
+    values = np.array(np.broadcast_to(given, (count,)))
+    if not np.isfinite(values).all():
+        cell = np.flatnonzero(~np.isfinite(values))[0]
+        raise InputError(f"the {name} of cell {cell} is not a number")
+    return values
 
 
 def _fill_factors(wetted: np.ndarray | None, count: int) -> np.ndarray:

@@ -1,16 +1,22 @@
-"""The formed part that resin flows through: a mesh with its sets, and the fields of its cells."""
+"""The part that resin flows through: a mesh with its sets, and the fields of its cells.
+
+It is read from a forming result or a mapped file, or it is the mesh of a part that was not formed
+here. A folder may hold it without its source.
+"""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.errors import InputError
+from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
@@ -24,10 +30,12 @@ from lcmchain.mapping.sheet import (
 )
 from lcmchain.mapping.structure.formed import mapped_state
 from lcmchain.mapping.structure.stage import is_mapped, open_mapped
-from lcmchain.mapping.target import TargetMesh
+from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh.places import place_text
+from lcmchain.mesh_files.readers.nastran_sets import AMBIGUOUS_SETS
 from lcmchain.results import require_complete
 from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.preform import OwnPermeability, Preform
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -316,3 +324,205 @@ def _remedy(name: str) -> str:
     if name == "fibre_volume_fraction":
         return "give material.fibre_density and material.areal_mass in the scene, and form again"
     return "form again with this version, or map a whole forming result"
+
+
+# --- a mesh that was not formed here, and permeabilities along axes of their own ------------------
+# The axis of a permeability is a direction in space. In a cell of the normal n it is laid into the
+# plane, a - (a·n) n, and the second axis stands across it there.
+
+
+#: Attribute of the dataset of a part that was not formed here: the name of its mesh file.
+UNFORMED = "unformed_mesh"
+# An axis that leaves less than this part of it in the plane of a cell has no direction there.
+_LEAST_IN_PLANE = 1e-6
+
+
+def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m") -> FormedPart:
+    """Return the mesh of a file with a preform that is the same everywhere.
+
+    Parameters
+    ----------
+    path : mesh file of triangles and quadrilaterals (:func:`lcmchain.mapping.target.read_target`).
+    length_unit : of its coordinates.
+
+    Raises
+    ------
+    InputError : a file that cannot be read, one that was formed, or an axis that stands on a cell.
+    """
+    path = Path(path)
+    if _is_result(path):
+        raise InputError(
+            "is of a mesh that was not formed, but this file is a result; leave the table out, "
+            "and give [[regions]] where the formed values do not hold",
+            key="preform",
+        )
+    target = read_target(path, kind="infiltration", length_unit=length_unit)
+    if preform.sets_hold == "cells":
+        nodes = {n: rows for n, rows in target.node_sets.items() if n not in target.cell_sets}
+        notes = tuple(note for note in target.notes if AMBIGUOUS_SETS not in note)
+        target = replace(target, node_sets=nodes, notes=notes)
+    mesh = UgridMesh("target")
+    count = target.cell_count
+    values = {
+        "thickness": np.full(count, preform.thickness),
+        "fibre_volume_fraction": np.full(count, preform.fibre_volume_fraction),
+    }
+    variables: dict[str, Variable] = {
+        **mesh.topology(target.corners, long_name="preform"),
+        **mesh.node_positions(target.points),
+    }
+    for name, own in values.items():
+        variables[name] = mesh.on_cells(own, _about(name))
+    attributes = {
+        "title": path.stem, UNFORMED: path.name, "source_file": path.name,
+        "source_sha256": file_sha256(path),
+    }  # fmt: skip
+    part = FormedPart(target, mesh.dataset(variables, attributes), str(path), tuple(target.notes))
+    return with_own_permeability(part, preform.permeability, np.arange(count))
+
+
+def require_origin(part: FormedPart, preform: Preform | None) -> None:
+    """Refuse the preform of a case for a part that was formed.
+
+    Raises
+    ------
+    InputError : there is one, and the part was formed.
+    """
+    if preform is not None and UNFORMED not in part.dataset.attrs:
+        raise InputError(
+            "is of a mesh that was not formed here, but this part was; leave the table out",
+            key="preform",
+        )
+
+
+def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndarray) -> FormedPart:
+    """Return the part with a permeability along axes of its own in some cells.
+
+    The larger value is the first, as in every result.
+
+    Parameters
+    ----------
+    cells : rows.
+
+    Raises
+    ------
+    InputError : the axis stands on one of the cells.
+    """
+    first, second = axes_in_plane(part.target, cells, np.array(own.axis), part)
+    values = np.array([own.k1, own.ratio * own.k1])
+    if own.ratio > 1.0:
+        first, second, values = second, -first, values[::-1]
+    normals = part.target.surface.normals[cells]
+    given: dict[str, np.ndarray | float] = dict(zip(PERMEABILITIES, values))
+    if own.k3 is not None:
+        given[PERMEABILITIES[2]] = own.k3
+    for number, axis in enumerate((first, second, normals)):
+        for place in range(3):
+            given[AXES[3 * number + place]] = axis[:, place]
+    dataset = part.dataset.copy()
+    for name, value in given.items():
+        there = name in dataset
+        field = part.cell(name).copy() if there else np.full(part.target.cell_count, np.nan)
+        field[cells] = value
+        if there:
+            dataset[name] = dataset[name].copy(data=field)
+        else:
+            dataset[name] = part.mesh.on_cells(field, _about(name))
+    return replace(part, dataset=dataset)
+
+
+def axes_in_plane(
+    target: TargetMesh, cells: np.ndarray, axis: np.ndarray, part: FormedPart
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a direction laid into the planes of cells, and that across it, (n, 3) each.
+
+    Raises
+    ------
+    InputError : it stands on a cell.
+    """
+    normals = target.surface.normals[cells]
+    laid = axis - (normals @ axis)[:, None] * normals
+    length = np.linalg.norm(laid, axis=1)
+    if not np.all(length > _LEAST_IN_PLANE):
+        cell = int(cells[np.argmin(length)])
+        raise InputError(
+            f"the axis ({', '.join(f'{x:g}' for x in axis)}) of the permeability stands on "
+            f"{part.place(cell)}; give one that has a direction in its plane, or regions",
+            key="permeability.axis",
+        )
+    laid /= length[:, None]
+    return laid, np.cross(normals, laid)
+
+
+def _about(name: str) -> dict:
+    stem = name[:-2] if name in AXES else name
+    return _open(FIELDS[stem].attributes(name))
+
+
+def _is_result(path: Path) -> bool:
+    """Tell whether a file is a forming result or a mapped file."""
+    try:
+        dataset = open_mapped(path)
+    except InputError:
+        return False
+    return str(dataset.attrs.get("Conventions", "")).startswith("CF")
+
+
+# --- a part in a folder of its own: all that a filling takes of it, without its source ------------
+
+
+_FIELDS_FILE, _MESH_FILE = "part.nc", "part_mesh.npz"
+# Tables of sets of a target mesh.
+_SETS = ("cell_sets", "node_sets", "parts")
+
+
+def write_part(folder: Path, part: FormedPart) -> None:
+    """Write the fields of a part (``part.nc``, UGRID) and its mesh with numbers and sets."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_netcdf(folder / _FIELDS_FILE, {ROOT: part.dataset})
+    target = part.target
+    arrays = {"points": target.points, "cell_ids": target.cell_ids, "node_ids": target.node_ids}
+    about: dict[str, Any] = {
+        "file": Path(part.file).name,
+        "warnings": list(part.warnings),
+        "blocks": [name for name, _ in target.blocks],
+        "notes": list(target.notes),
+        "coordinates": [str(name) for name in part.dataset.coords],
+    }
+    for number, (_, cells) in enumerate(target.blocks):
+        arrays[f"block_{number}"] = cells
+    for table in _SETS:
+        entries = getattr(target, table)
+        about[table] = list(entries)
+        arrays |= {f"{table}_{number}": rows for number, rows in enumerate(entries.values())}
+    arrays["about"] = np.array(json.dumps(about))
+    np.savez(folder / _MESH_FILE, **arrays)  # type: ignore[arg-type]  # numpy 2.4 types its options so
+
+
+def read_part(folder: Path) -> FormedPart:
+    """Read a part that :func:`write_part` has written; it fills bit-identically.
+
+    Raises
+    ------
+    InputError : the files are not there, or are no part.
+    """
+    try:
+        with open_netcdf(folder / _FIELDS_FILE, mask_and_scale=False) as dataset:
+            dataset = dataset.load()
+        with np.load(folder / _MESH_FILE, allow_pickle=False) as data:
+            about = json.loads(str(data["about"]))
+            dataset = dataset.set_coords(about["coordinates"])
+            blocks = tuple(
+                (name, data[f"block_{number}"]) for number, name in enumerate(about["blocks"])
+            )
+            sets: dict[str, Any] = {
+                table: {name: data[f"{table}_{k}"] for k, name in enumerate(about[table])}
+                for table in _SETS
+            }
+            target = TargetMesh(
+                data["points"], blocks, {}, cell_ids=data["cell_ids"], node_ids=data["node_ids"],
+                notes=tuple(about["notes"]), **sets,
+            )  # fmt: skip
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"this is no formed part ({error})", file=folder) from None
+    return FormedPart(target, dataset, about["file"], tuple(about["warnings"]))

@@ -1,16 +1,18 @@
-"""Pictures of a filling: isochrones of the front and the pressure, on the formed part."""
+"""Pictures of a filling: isochrones and pressure on the part, a film of the front, and curves."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import matplotlib
 import numpy as np
 
-from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
+from lcmchain.atomic import replacing
+from lcmchain.coupling.infiltration.formed_part import UNFORMED
 from lcmchain.coupling.infiltration.results import FilledPart
-from lcmchain.coupling.infiltration.unformed_part import UNFORMED
+from lcmchain.report.animation import DPI, DURATION, HEIGHT, LEAST, WIDTH, write_film
 from lcmchain.report.renderer import (
     axes_at,
     draw_facets,
@@ -19,7 +21,7 @@ from lcmchain.report.renderer import (
     fit_axis,
     label_axes,
 )
-from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
+from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.report.transparent import DepthBuffer, divided_segments
 from lcmchain.report.view import (
     FROM_ABOVE,
@@ -33,6 +35,7 @@ from lcmchain.report.view import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 GATE_COLOUR, VENT_COLOUR, DRY_COLOUR = "#d5008f", "#1769aa", (0.87, 0.87, 0.87)
 WIDTHS = (5.4, 3.9)  # of the panels [in]
@@ -149,7 +152,7 @@ def nice_levels(values: np.ndarray, lowest: float | None = None) -> np.ndarray:
     return np.asarray(MaxNLocator(BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
 
 
-def band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
+def _band_colours(levels: np.ndarray, colour_map: str) -> np.ndarray:
     """Return the colours of the bands between levels, shape (B, 4)."""
     count = len(levels) - 1
     return matplotlib.colormaps[colour_map](np.linspace(0.04, DARKEST[colour_map], count))
@@ -170,7 +173,7 @@ def paint_contours(
     corners, at, _ = triangles_around_centres(points, cells, values)
     found = contours(corners, at, levels)
     light = brightness(corners, view) if shaded else np.ones(len(corners))
-    wet = band_colours(levels, colour_map)[found.band][:, :3] * light[found.triangle, None]
+    wet = _band_colours(levels, colour_map)[found.band][:, :3] * light[found.triangle, None]
     dry = np.array(DRY_COLOUR) * light[found.empty_triangle, None]
     empty = found.empty[:, [0, 1, 2, 2, 2]]
     draw_facets(
@@ -282,7 +285,7 @@ def draw_level_bar(
     from matplotlib.patches import Patch
 
     colours = ScalarMappable(
-        BoundaryNorm(levels, len(levels) - 1), ListedColormap(band_colours(levels, colour_map))
+        BoundaryNorm(levels, len(levels) - 1), ListedColormap(_band_colours(levels, colour_map))
     )
     bar = figure.colorbar(colours, cax=axis, ticks=levels)
     bar.outline.set_linewidth(0.6)
@@ -292,3 +295,251 @@ def draw_level_bar(
             handles=[Patch(fc=DRY_COLOUR, ec="0.5", lw=0.6, label=empty)], loc="upper left",
             bbox_to_anchor=(-0.6, -0.04), borderaxespad=0.0,
         )  # fmt: skip
+
+
+# --- filled contours of a node field on a curved mesh, as polygons and lines in space -------------
+
+
+#: A field that varies by less over a triangle, as a share of all, is drawn as constant.
+_FLAT = 1e-9
+
+
+class Contours(NamedTuple):
+    """Bands between levels, the lines between them, and what has no value.
+
+    Parameters
+    ----------
+    polygons : parts of triangles within a band, shape (P, 5, 3), corners may coincide.
+    band : of each polygon, from 0, shape (P,). triangle : that it is a part of, shape (P,).
+    lines : along the levels, shape (L, 2, 3).
+    empty : triangles without a value at a corner, shape (E, 3, 3). empty_triangle : their rows.
+    """
+
+    polygons: np.ndarray
+    band: np.ndarray
+    triangle: np.ndarray
+    lines: np.ndarray
+    empty: np.ndarray
+    empty_triangle: np.ndarray
+
+
+def contours(corners: np.ndarray, values: np.ndarray, levels: np.ndarray) -> Contours:
+    """Cut triangles along the levels of a field that is linear on each.
+
+    Parameters
+    ----------
+    corners : of triangles, shape (T, 3, 3). values : there, shape (T, 3), nan where unknown.
+    levels : ascending, shape (B + 1,); the first and the last take what lies beyond them.
+    """
+    known = np.isfinite(values).all(axis=1)
+    empty = np.flatnonzero(~known)
+    rows = np.flatnonzero(known)
+    order = np.argsort(values[rows], axis=1, kind="stable")
+    v = np.take_along_axis(values[rows], order, axis=1)
+    p = np.take_along_axis(corners[rows], order[:, :, None], axis=1)
+    # what a constant field varies by is round-off, which must not become a slope
+    span = max(float(np.ptp(v)), 1e-3 * float(np.abs(v).max()), 1e-300) if len(v) else 1.0
+    v = v + _FLAT * span * np.arange(3)  # ascending even where the field is constant
+
+    polygons, band, triangle, lines = [], [], [], []
+    for number in range(len(levels) - 1):
+        low = -np.inf if number == 0 else levels[number]
+        high = np.inf if number == len(levels) - 2 else levels[number + 1]
+        here = np.flatnonzero((v[:, 0] < high) & (v[:, 2] >= low))
+        q, w = p[here], v[here]
+        a = np.clip(low, w[:, 0], w[:, 2])
+        b = np.clip(high, w[:, 0], w[:, 2])
+        middle = np.clip(w[:, 1], a, b)
+        parts = [_long(q, w, a), _long(q, w, b), _short(q, w, b), _short(q, w, middle),
+                 _short(q, w, a)]  # fmt: skip
+        polygons.append(np.stack(parts, axis=1))
+        band.append(np.full(len(here), number))
+        triangle.append(rows[here])
+        if number > 0:
+            cut = (w[:, 0] < low) & (w[:, 2] > low)
+            lines.append(np.stack([parts[0][cut], parts[4][cut]], axis=1))
+    return Contours(
+        np.concatenate(polygons), np.concatenate(band), np.concatenate(triangle),
+        np.concatenate(lines) if lines else np.empty((0, 2, 3)), corners[empty], empty,
+    )  # fmt: skip
+
+
+def triangles_around_centres(
+    points: np.ndarray, cells: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Divide cells into triangles around the mean of their corners.
+
+    Parameters
+    ----------
+    points : (N, 3). cells : (C, 4), -1 behind a triangle, which stays whole. values : (N,).
+
+    Returns
+    -------
+    Corners (T, 3, 3), values there (T, 3), and the cell of each triangle (T,).
+    """
+    quad = np.flatnonzero(cells[:, 3] >= 0)
+    three = np.flatnonzero(cells[:, 3] < 0)
+    corners, at = [points[cells[three, :3]]], [values[cells[three, :3]]]
+    owner = [three]
+    centre, mean = points[cells[quad]].mean(axis=1), values[cells[quad]].mean(axis=1)
+    for k in range(4):
+        i, j = cells[quad, k], cells[quad, (k + 1) % 4]
+        corners.append(np.stack([points[i], points[j], centre], axis=1))
+        at.append(np.stack([values[i], values[j], mean], axis=1))
+        owner.append(quad)
+    return np.concatenate(corners), np.concatenate(at), np.concatenate(owner)
+
+
+def _long(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Where the longest way through the values, from the lowest to the highest, has a level."""
+    share = (level - v[:, 0]) / (v[:, 2] - v[:, 0])
+    return p[:, 0] + share[:, None] * (p[:, 2] - p[:, 0])
+
+
+def _short(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """Where the way over the middle corner has a level."""
+    first = np.clip((level - v[:, 0]) / (v[:, 1] - v[:, 0]), 0.0, 1.0)
+    second = np.clip((level - v[:, 1]) / (v[:, 2] - v[:, 1]), 0.0, 1.0)
+    before = (level <= v[:, 1])[:, None]
+    return np.where(
+        before,
+        p[:, 0] + first[:, None] * (p[:, 1] - p[:, 0]),
+        p[:, 1] + second[:, None] * (p[:, 2] - p[:, 1]),
+    )
+
+
+# --- a film of the front: the same view and colours in every saved state --------------------------
+
+
+def draw_film(
+    path: Path | str,
+    filled: FilledPart,
+    title: str,
+    report: Callable[[int, int], None] | None = None,
+) -> None:
+    """Draw the pressure behind the front in every saved state into a GIF or MP4 file.
+
+    Parameters
+    ----------
+    path : its suffix, .gif or .mp4, chooses the kind.
+    report : called with the frames drawn and all frames.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    path = Path(path)
+    images = _images(filled, title, report or (lambda done, total: None))
+    seconds = max(DURATION / len(filled.time), LEAST)
+    with replacing(path) as temporary:
+        write_film(temporary, images, seconds)
+
+
+def _images(filled: FilledPart, title: str, report) -> Iterator[np.ndarray]:
+    target = filled.setup.part.target
+    points, cells = 1e3 * target.points, target.corners
+    rim = boundary_edges(np.where(cells < 0, cells[:, 2:3], cells))
+    view = oblique(from_below=len(rim) > 0 and hangs_down(points, rim))
+    values = np.where(filled.fill > 0.5, 1e-5 * filled.pressure, np.nan)
+    levels = nice_levels(values, None)
+    for frame, time in enumerate(filled.time):
+        with matplotlib.rc_context(RC):
+            figure = new_figure(WIDTH, HEIGHT)
+            axis = axes_at(figure, 0.1, 0.15, WIDTH - 1.4, HEIGHT - 0.8)
+            paint_contours(
+                axis, points, cells, values[frame], levels, PRESSURE_COLOURS, view, rim, True
+            )
+            fit_axis(axis, view.on_screen(points), 0.05)
+            axis.set_axis_off()
+            mark_places(axis, filled, view, dry=False, legend=False)
+            draw_triad(axis, view)
+            bar = axes_at(figure, WIDTH - 1.15, 0.9, 0.16, HEIGHT - 2.2)
+            draw_level_bar(figure, bar, levels, PRESSURE_COLOURS, "Pressure [bar]", True)
+            headline(figure, "Filling", f"{title}  ·  t = {time:.4g} s")
+            figure.set_dpi(DPI)
+            canvas = figure.canvas
+            canvas.draw()
+        yield np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[attr-defined]
+        report(frame + 1, len(filled.time))
+
+
+# --- curves over time: pressures, flow rates, and how full the part is ----------------------------
+
+
+def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
+    """Draw what gates there are, what presses on the part, and the volumes of resin over time."""
+    history = filled.history
+    panels: list[Callable] = [_gate_pressures, _gate_rates] if filled.setup.gates else []
+    panels += [_forces] if filled.history.force.shape[1] else []
+    panels.append(_volumes)
+    factor, unit = (1.0, "s") if history.time[-1] < 600.0 else (1.0 / 60.0, "min")
+    time, count = factor * history.time, len(panels)
+    width = 0.9 + 3.5 * count
+    with matplotlib.rc_context(RC):
+        figure = new_figure(width, 3.7)
+        for number, draw in enumerate(panels):
+            axis = figure.add_axes(((0.63 + 3.5 * number) / width, 0.15, 2.65 / width, 0.62))
+            draw(axis, filled, time)
+            axis.set_xlabel(f"time [{unit}]")
+            axis.set_xlim(0.0, max(float(time[-1]), 1e-12))
+            lowest = min(
+                (float(np.nanmin(line.get_ydata(), initial=0.0)) for line in axis.get_lines()),
+                default=0.0,
+            )
+            axis.set_ylim(bottom=1.05 * lowest)
+            axis.grid(alpha=0.25, lw=0.5)
+            if draw is _gate_rates:
+                _limit(axis, 1e6 * history.gate_rate)
+        headline(figure, "Filling over time", title)
+        save(figure, path)
+
+
+def _gate_pressures(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+    for number, gate in enumerate(filled.setup.gates):
+        colour = SERIES[number % len(SERIES)]
+        pressure = 1e-5 * filled.history.gate_pressure[:, number]
+        axis.plot(time, pressure, color=colour, label=gate.name)
+    axis.set_ylabel("pressure of the gates [bar]")
+    axis.legend(loc="best")
+
+
+def _gate_rates(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+    for number in range(len(filled.setup.gates)):
+        colour = SERIES[number % len(SERIES)]
+        axis.plot(time, 1e6 * filled.history.gate_rate[:, number], color=colour)
+    axis.set_ylabel("flow rate of the gates [ml/s]")
+
+
+def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+    total, fibres, resin, *more = filled.history.force.T
+    axis.plot(time, 1e-3 * total, color=INK, label="all")
+    axis.plot(time, 1e-3 * fibres, color=SERIES[1], label="fibres")
+    axis.plot(time, 1e-3 * resin, color=SERIES[0], ls="--", label="resin")
+    if more:
+        axis.plot(time, 1e-3 * more[0], color=SERIES[2], ls=":", label="friction")
+    axis.set_ylabel("force of what presses [kN]")
+    axis.legend(loc="best")
+
+
+def _volumes(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+    history = filled.history
+    if filled.setup.gates:
+        axis.plot(time, 1e6 * history.injected.sum(axis=1), color=INK, label="injected")
+    axis.plot(time, 1e6 * history.stored, color=SERIES[0], ls="--", label="in the part")
+    if history.vented[-1].sum() > 0.0:
+        axis.plot(time, 1e6 * history.vented.sum(axis=1), color=SERIES[1], label="vented")
+    axis.set_ylabel("volume of resin [ml]")
+    share = axis.twinx()
+    share.plot(time, 100.0 * history.filled_share, color=SERIES[2], ls=":", label="filled")
+    share.set_ylabel("filled share of the pores [%]")
+    share.set_ylim(0.0, 105.0)
+    axis.legend(handles=[*axis.get_lines(), *share.get_lines()], loc="lower right")
+
+
+def _limit(axis, rates: np.ndarray) -> None:
+    """Keep the first moments of a pressure gate, whose flow rate is unbounded, from flattening."""
+    rates = rates[np.isfinite(rates)]  # closed gates have none
+    if rates.size and rates.max() > 0.0:
+        low, high = min(0.0, float(rates.min())), float(rates.max())
+        usual = float(np.percentile(rates[rates > 0.0], 90.0)) if (rates > 0.0).any() else high
+        axis.set_ylim(low, 1.1 * min(high, 3.0 * usual))

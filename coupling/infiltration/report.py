@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.atomic import replacing
-from lcmchain.coupling.infiltration.outcome import share_in_words
+from lcmchain.coupling.infiltration.flow.time_step import share_in_words
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.mesh.places import place_text
 from lcmchain.report.fillings import filling_in_words, time_in_words

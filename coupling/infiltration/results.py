@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.medium import Medium
+from lcmchain.coupling.infiltration.flow.medium import Medium
+from lcmchain.coupling.infiltration.flow.state import DrySpot, FillingState
 from lcmchain.coupling.infiltration.setup import FillingSetup
-from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration import History
 
 #: What presses on a part, by the name of the variable, with words; friction and inertia where the

@@ -4,26 +4,43 @@ from __future__ import annotations
 
 import hashlib
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from lcmchain.compilation.cache import source_hash
-from lcmchain.coupling.infiltration.checkpoint import read_checkpoint
-from lcmchain.coupling.infiltration.curves import draw_curves
-from lcmchain.coupling.infiltration.files import filling_groups, write_series, write_vtu
-from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
-from lcmchain.coupling.infiltration.film_of_front import draw_film
-from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
-from lcmchain.coupling.infiltration.picture import draw_fill_time, draw_medium_time, draw_pressure
+from lcmchain.coupling.closing.mould import Mould
+from lcmchain.coupling.infiltration.files import (
+    filling_groups,
+    read_checkpoint,
+    write_checkpoint,
+    write_series,
+    write_vtu,
+)
+from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part, unformed_part
+from lcmchain.coupling.infiltration.picture import (
+    draw_curves,
+    draw_fill_time,
+    draw_film,
+    draw_medium_time,
+    draw_pressure,
+)
 from lcmchain.coupling.infiltration.report import FillingReport, filling_report
-from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.forming_run import stop_requests
+from lcmchain.mapping import MappingOptions, MappingReport, map_forming
+from lcmchain.mapping.sheet import file_sha256
+from lcmchain.mapping.structure.stage import is_mapped, mapped_onto, open_mapped
 from lcmchain.scene.infiltration import Infiltration
 
+#: Told how much is filled (of one) and a text.
+Tell = Callable[[float, str], None]
 #: What the names of the stage's files end in, before their suffix.
 ENDING = "_filling"
 
@@ -34,7 +51,7 @@ FILES = {
     "medium_time": "_medium_time.png",
 }  # fmt: skip
 #: What a mapping adds to the title of a result.
-OF_MAPPING = ": forming fields on the"
+_OF_MAPPING = ": forming fields on the"
 PICTURES = ("fill_time", "pressure", "curves", "medium_time")
 
 
@@ -167,17 +184,17 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
     return True
 
 
-def title_of(filled: FilledPart, report: FillingReport) -> str:
+def _title_of(filled: FilledPart, report: FillingReport) -> str:
     """Return what was filled, in words."""
     of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
-    of_part = of_part.partition(OF_MAPPING)[0]
+    of_part = of_part.partition(_OF_MAPPING)[0]
     return f"{of_part}: {report.name}".lstrip(": ")
 
 
 def write_filling(path: Path, filled: FilledPart, report: FillingReport) -> None:
     """Write the netCDF file of a filling, whole or not at all."""
     about = {
-        "title": f"{title_of(filled, report)}: infiltration",
+        "title": f"{_title_of(filled, report)}: infiltration",
         "filling_warnings": "\n".join(report.warnings),
     }
     write_netcdf(path, filling_groups(filled, about))
@@ -200,7 +217,7 @@ def _write(
     report.files = {what: path.name for what, path in files.items()}
     share = report.filled_share
     tell(share, "writing the filling")
-    title = title_of(filled, report)
+    title = _title_of(filled, report)
     write_filling(files["netcdf"], filled, report)
     if options.vtu:
         write_vtu(files["vtu"], filled)
@@ -218,3 +235,225 @@ def _write(
                 lambda done, total: tell(share, f"drawing the film, frame {done} of {total}"),
             )  # fmt: skip
     report.save(files["report"])
+
+
+# --- from a forming result: mapped where it is not on the mesh yet --------------------------------
+
+
+def map_and_fill(
+    source: Path | str,
+    mesh: Path | str | None,
+    case: Infiltration,
+    *,
+    name: str,
+    out_dir: Path | str,
+    mapping: MappingOptions | None = None,
+    options: FillOptions | None = None,
+    tell: Tell | None = None,
+) -> tuple[MappingReport | None, FillingReport]:
+    """Fill a forming result or a mapped file, after mapping it onto a mesh where one is named.
+
+    Parameters
+    ----------
+    source : forming result, mapped file, or the mesh file of a case with a ``preform``.
+    mesh : what is not mapped onto it yet is mapped first, into ``NAME.nc`` and its companions;
+        None fills the mapped mesh, or the faces of the formed sheet.
+    mapping : how it is mapped. Other arguments as of :func:`fill_part`.
+
+    Raises
+    ------
+    InputError, SimulationInterrupted : as the mapping and :func:`fill_part` do.
+    """
+    path = Path(source)
+    if not path.is_file():
+        raise InputError("there is no such file", file=path)
+    options, mapping = options or FillOptions(), mapping or MappingOptions()
+    if case.preform is not None:
+        if mesh is not None:
+            raise InputError(
+                "is the mesh of a mapping; with a preform SOURCE itself is the mesh", key="--mesh"
+            )
+        part = unformed_part(path, case.preform, length_unit=mapping.length_unit)
+        return None, fill_part(part, case, name=name, out_dir=out_dir, options=options, tell=tell)
+    report = None
+    if mesh is not None:
+        found = open_mapped(path)
+        if not mapped_onto(found, mesh):
+            report = map_forming(
+                path, mesh, replace(mapping, kind="infiltration"), name=name, out_dir=out_dir,
+                frame=options.frame, allow_incomplete=options.allow_incomplete,
+            )  # fmt: skip
+            if is_mapped(found):
+                report.warnings.append(
+                    f"{path.name} is mapped onto another mesh, or another state of this one: its "
+                    "fields were mapped once more; start from the forming result to lose nothing"
+                )
+            path, options = Path(out_dir) / f"{name}.nc", replace(options, frame=-1)
+    return report, fill_part(path, case, name=name, out_dir=out_dir, options=options, tell=tell)
+
+
+def is_mapped_from(mapped: Path, forming: Path, mesh: Path) -> bool:
+    """Whether a file holds the fields of this forming result on this mesh."""
+    if not mapped.is_file():
+        return False
+    found = open_mapped(mapped)
+    return mapped_onto(found, mesh) and found.attrs.get("source_sha256") == file_sha256(forming)
+
+
+# --- the filling advanced to its end, with saved states, histories and checkpoints ----------------
+
+
+#: A checkpoint is written after this time of computing [s].
+CHECKPOINT_INTERVAL = 30.0
+
+
+class FillingRun:
+    """Advances a filling and keeps what it finds.
+
+    Parameters
+    ----------
+    checkpoint : file that is written on the way, None for none.
+    fingerprint : of what decides the numbers.
+    tell : called after every step with the filled share and a text.
+    """
+
+    def __init__(
+        self, setup: FillingSetup, checkpoint: Path | None, fingerprint: dict[str, str], tell: Tell
+    ) -> None:
+        self.setup, self.checkpoint, self.fingerprint = setup, checkpoint, fingerprint
+        self.tell = tell
+        self.filling = setup.filling()
+        self.mould = self._mould()
+        #: What is advanced and saved: the filling, or the mould that closes on it.
+        self.mover: Filling | Mould = self.mould or self.filling
+        self.record = FillingRecord.empty()
+        # resin in a flow medium covers nothing of the part
+        area = node_areas(setup)
+        layer = self.filling.mesh.node_count - len(area)
+        self._node_area = np.concatenate([area, np.zeros(layer)])
+
+    def complete(self, *, resume: bool = False) -> FilledPart:
+        """Advance to the end and return what was found.
+
+        Raises
+        ------
+        InputError : ``resume`` without a checkpoint of this filling.
+        SimulationInterrupted : the user stopped it; a checkpoint was left.
+        """
+        if resume and self.checkpoint is not None:
+            state, self.record = read_checkpoint(self.checkpoint, self.fingerprint)
+            self.mover.restore(state)
+        else:
+            self.begin()
+        self._saved = time.perf_counter()
+        with stop_requests() as self._stop:
+            outcome, message = self._advance()
+        return self.found(outcome, message)
+
+    def begin(self) -> None:
+        """Record the start."""
+        self.record.add_frame(self.filling)
+        self.record.add_step(self.filling, self._node_area, self._force())
+
+    def note(self, filling: Filling) -> float:
+        """Record a step that has been taken; return the filled share."""
+        self.record.add_step(filling, self._node_area, self._force())
+        share = filling.filled_share
+        if self._is_frame(share):
+            self.record.add_frame(filling)
+        self.tell(share, f"filling, {filling.time:.4g} s")
+        return share
+
+    def found(self, outcome: str, message: str) -> FilledPart:
+        """Return what was recorded, with the present state as its last frame.
+
+        A part that is full, but from whose vents resin bleeds up to the end, is filled.
+        """
+        if outcome == "reached" and self.filling.state.full.all():
+            outcome, message = "filled", f"all pores are full, and {message}"
+        if self.record.frame_time[-1] < self.filling.time:
+            self.record.add_frame(self.filling)
+        history = None if self.mould is None else self.mould.history
+        return FilledPart.of_record(
+            self.setup, self.record, self.filling.save(), outcome, message, history
+        )
+
+    def _mould(self) -> Mould | None:
+        """What closes on the part, if something does."""
+        setup = self.setup
+        if setup.case.closure is None:
+            return None
+        return Mould(setup.part, self.filling, setup.case.closure, setup.case.time)
+
+    def _force(self) -> tuple[float, ...]:
+        return () if self.mould is None else self.mould.force
+
+    def _advance(self) -> tuple[str, str]:
+        case = self.setup.case
+        interval = case.frame_interval
+        if interval is None:
+            return self.mover.advance(case.time, self._after_step)
+        outcome, message = "reached", ""
+        while self.filling.time < case.time:
+            number = int(np.floor(self.filling.time / interval * (1.0 + 1e-12))) + 1
+            until = min(number * interval, case.time)
+            outcome, message = self.mover.advance(until, self._after_step)
+            if outcome != "reached" and self.mould is None:
+                break
+        return outcome, message
+
+    def _after_step(self, filling: Filling) -> None:
+        share = self.note(filling)
+        if self._stop.is_set():
+            self._save()
+            raise SimulationInterrupted(
+                f"stopped at {filling.time:.4g} s with {share:.1%} filled"
+                + (
+                    ""
+                    if self.checkpoint is None
+                    else "; the same command with --resume goes on from here"
+                )
+            )
+        if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
+            self._save()
+
+    def _is_frame(self, share: float) -> bool:
+        """Whether the filling has come to a share or a time that is to be saved."""
+        return is_frame_due(
+            self.setup.case,
+            (self.filling.time, share),
+            (self.record.frame_time[-1], self._saved_share()),
+        )
+
+    def _saved_share(self) -> float:
+        """Filled share in the last saved state."""
+        number = int(np.searchsorted(self.record.time, self.record.frame_time[-1]))
+        return self.record.filled_share[min(number, len(self.record.time) - 1)]
+
+    def _save(self) -> None:
+        if self.checkpoint is None:
+            return
+        write_checkpoint(self.checkpoint, self.fingerprint, self.mover.save(), self.record)
+        self._saved = time.perf_counter()
+
+
+def is_frame_due(case: Infiltration, now: tuple[float, float], last: tuple[float, float]) -> bool:
+    """Whether a filling has come to a time or a filled share at which its fields are to be saved.
+
+    now, last : time [s] and filled share, at present and in the last saved state.
+    """
+    if case.frame_interval is not None:
+        here, before = now[0], last[0]
+        step, slack = case.frame_interval, 1e-12 * here / case.frame_interval
+    else:
+        here, before = now[1], last[1]
+        step, slack = 1.0 / (case.frames - 1), 1e-9
+    return bool(np.floor(here / step + slack) > np.floor(before / step + slack))
+
+
+def node_areas(setup: FillingSetup) -> np.ndarray:
+    """Area of the mesh that belongs to each node [m2], (N,): equal parts of its cells."""
+    cells = setup.mesh.cells
+    there = cells >= 0
+    part = np.where(there, (setup.mesh.areas / there.sum(axis=1))[:, None], 0.0)
+    return np.bincount(cells[there], weights=part[there], minlength=setup.mesh.node_count)

@@ -1,6 +1,23 @@
-"""Strong coupling of parts over fields: schemes, convergence, window size and history."""
+"""Strong coupling of parts over fields: schemes, convergence, window size and history.
 
-from lcmchain.coupling.iteration.failure import NotConverged, NotSettled
+::
+
+    parts, exchanges ─▶ sweep: answers ─▶ attempt: do they agree? ─▶ system: next window ─▶ history
+                          ▲                      │ not yet
+                          └── schemes: inputs ◀──┘
+
+- ``interface`` : what a part offers (:class:`CoupledPart`), what is exchanged between two parts
+  (:class:`Exchange`), and when it counts as converged.
+- ``sweep`` : one evaluation of all parts over a window.
+- ``schemes`` : in which order the parts advance, and how the next inputs follow from their answers.
+- ``attempt`` : evaluates the parts until all fields agree, or says which does not.
+- ``system`` : goes through windows of time; it is a part itself, so that systems nest.
+- ``history`` : all iterations and windows as data. ``checkpoint`` : saved states in a file.
+- ``consolidation`` : Terzaghi's column as two parts, the standard problem. ``study`` : the schemes
+  on it over stiffness and permeability.
+"""
+
+from lcmchain.coupling.iteration.attempt import NotConverged, NotSettled
 from lcmchain.coupling.iteration.history import History
 from lcmchain.coupling.iteration.interface import (
     CoupledPart,
@@ -8,10 +25,10 @@ from lcmchain.coupling.iteration.interface import (
     HasPlaces,
     Jumps,
     PartFailed,
+    Port,
     Tolerance,
     fixed_stress_exchanges,
 )
-from lcmchain.coupling.iteration.ports import Port
 from lcmchain.coupling.iteration.schemes import (
     Scheme,
     aitken,
@@ -21,8 +38,7 @@ from lcmchain.coupling.iteration.schemes import (
     iqn_mvj,
     jacobi,
 )
-from lcmchain.coupling.iteration.system import CoupledSystem
-from lcmchain.coupling.iteration.windows import WindowControl
+from lcmchain.coupling.iteration.system import CoupledSystem, WindowControl
 
 __all__ = [
     "CoupledPart",

@@ -1,4 +1,8 @@
-"""Going through one window: the parts are evaluated until all exchanged fields agree."""
+"""Going through one window: the parts are evaluated until all exchanged fields agree.
+
+Whether a field has converged is judged after each evaluation. Where it does not, the error says
+which field, where, and by how much.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain.coupling.iteration.history import History, IterationRecord
-from lcmchain.coupling.iteration.measures import Judgement, judge, rms
+from lcmchain.coupling.iteration.interface import Exchange, Tolerance, Values
 from lcmchain.coupling.iteration.schemes import Scheme
 from lcmchain.coupling.iteration.sweep import Sweep
-
-Values = NDArray[np.float64]
+from lcmchain.errors import SimulationError
 
 #: An iteration is given up when a residual has grown by this factor, over the field's size too.
 HOPELESS = 1e12
@@ -229,3 +231,160 @@ class Iteration:
 def _least(one: float, other: float) -> float:
     """Return the smaller of two sizes that is not 0, if one is not."""
     return min(one, other) if one > 0.0 and other > 0.0 else max(one, other)
+
+
+# --- whether an exchanged field has converged, and where it has done so least ---------------------
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Residual of one exchange in one iteration against its limit.
+
+    ``limit`` is infinite where the field is not judged; ``worst`` is the number of the value that
+    changed most, ``worst_residual`` by how much.
+    """
+
+    residual: float
+    size: float
+    limit: float
+    worst: int
+    worst_residual: float
+
+    @property
+    def converged(self) -> bool:
+        return self.residual <= self.limit
+
+
+def rms(values: Values) -> float:
+    """Return the root mean square, 0 of no values."""
+    if values.size == 0:
+        return 0.0
+    largest = float(np.abs(values).max())
+    if largest == 0.0 or not np.isfinite(largest):
+        return largest
+    return largest * float(np.sqrt(np.mean((values / largest) ** 2)))  # squares never overflow
+
+
+def largest_size(values: Values) -> float:
+    """Return the largest absolute value, 0 of no values."""
+    return float(np.abs(values).max()) if values.size else 0.0
+
+
+def judge(
+    before: Values, now: Values, start: Values, tolerance: Tolerance | None, scale: float
+) -> Judgement:
+    """Judge what an iteration has changed: ``before`` -> ``now``; the window began at ``start``.
+
+    ``scale`` is the largest size that the field has had.
+    """
+    norm = largest_size if tolerance is not None and tolerance.norm == "largest" else rms
+    change = now - before
+    size = norm(now)
+    worst = int(np.abs(change).argmax()) if change.size else 0
+    worst_residual = float(abs(change[worst])) if change.size else 0.0
+    limit = np.inf
+    if tolerance is not None:
+        limits = [np.inf]
+        if tolerance.relative is not None:
+            limits.append(tolerance.relative * size)
+        if tolerance.increment is not None:
+            limits.append(tolerance.increment * norm(now - start))
+        limit = min(limits)
+        if tolerance.absolute is not None:
+            limit = tolerance.absolute if np.isinf(limit) else max(limit, tolerance.absolute)
+        limit = max(limit, tolerance.floor * scale)
+    return Judgement(norm(change), size, float(limit), worst, worst_residual)
+
+
+# --- what a window that did not converge tells ----------------------------------------------------
+
+
+class NotConverged(SimulationError):
+    """A window whose exchanged fields do not agree after the allowed iterations.
+
+    Parameters
+    ----------
+    message : in words.
+    exchange : name of the exchange that is worst.
+    value : number of its worst value on the target's mesh.
+    residual, limit : reached and allowed, in the field's unit.
+    """
+
+    def __init__(
+        self, message: str, *, exchange: str, value: int, residual: float, limit: float
+    ) -> None:
+        self.exchange, self.value = exchange, value
+        self.residual, self.limit = residual, limit
+        super().__init__(message)
+
+
+class NotSettled(SimulationError):
+    """A window in which what changes in jumps does not come to rest after the allowed iterations.
+
+    Parameters
+    ----------
+    time, size : begin and size of the window [s].
+    changing : what the last iteration has changed, in words.
+    """
+
+    def __init__(self, time: float, size: float, iterations: int, changing: list[str]) -> None:
+        self.changing = changing
+        super().__init__(
+            f"what changes in jumps does not come to rest in {iterations} iterations of the window "
+            f"of {size:g} s from {time:g} s: {'; '.join(changing)}"
+        )
+
+
+def not_converged(
+    scheme: str,
+    time: float,
+    size: float,
+    iterations: int,
+    most_iterations: int,
+    sweep: Sweep,
+    judgements: list[Judgement],
+) -> NotConverged:
+    """Return the error of a window that begins at ``time``; its worst exchange is named first."""
+
+    def excess(number: int) -> float:
+        judgement = judgements[number]
+        return judgement.residual / judgement.limit if judgement.limit > 0.0 else float("inf")
+
+    failing = [i for i, judgement in enumerate(judgements) if not judgement.converged]
+    failing.sort(key=lambda i: -excess(i))
+    worst = failing[0]
+    judgement, exchange = judgements[worst], sweep.exchanges[worst]
+    place = _place_text(sweep, exchange, judgement.worst)
+    others = [sweep.exchanges[i].name for i in failing[1:]]
+    also = f" Also not converged: {', '.join(others)}." if others else ""
+    diverged = "did not converge" if iterations == most_iterations else "diverged"
+    message = (
+        f"the coupling {diverged} ({scheme}) in {iterations} iterations of the window of "
+        f"{size:g} s from {time:g} s: {exchange.name} still changes by {judgement.residual:.3g} "
+        f"where {judgement.limit:.3g} is allowed ({excess(worst):.3g} times), most at value "
+        f"{judgement.worst}{place} by {judgement.worst_residual:.3g}.{also} Likely cause: the "
+        "parts answer to each other more strongly than the scheme can follow. Remedies: IQN-ILS in "
+        "place of a relaxation, the fixed-stress split between solid and fluid, more iterations; "
+        "smaller windows (WindowControl(smallest=...)) where the fields answer to each other the "
+        "less the shorter a window is, which the pressure of an incompressible fluid does not"
+    )
+    return NotConverged(
+        message,
+        exchange=exchange.name,
+        value=judgement.worst,
+        residual=judgement.residual,
+        limit=judgement.limit,
+    )
+
+
+def _place_text(sweep: Sweep, exchange: Exchange, value: int) -> str:
+    """Return the place of a value in millimetres; the target's mesh knows it, else the source's."""
+    sides = [(exchange.target, exchange.input)]
+    if exchange.mapping is None:
+        sides.append((exchange.source, exchange.field))
+    for part, field in sides:
+        places = sweep.places(part, field)
+        if places is not None and value < len(places):
+            x, y, z = 1e3 * places[value]
+            return f" near ({x:.2f}, {y:.2f}, {z:.2f}) mm"
+    return ""

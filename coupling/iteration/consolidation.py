@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from lcmchain.coupling.iteration.interface import (
@@ -32,14 +31,12 @@ from lcmchain.coupling.iteration.interface import (
     Exchange,
     Fields,
     Tolerance,
+    Values,
     fixed_stress_exchanges,
 )
 from lcmchain.coupling.iteration.schemes import Scheme
-from lcmchain.coupling.iteration.system import CoupledSystem
-from lcmchain.coupling.iteration.windows import WindowControl
+from lcmchain.coupling.iteration.system import CoupledSystem, WindowControl
 from lcmchain.errors import InputError
-
-Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from lcmchain.errors import InputError, SimulationError
 
-#: Values of fields by name; per cell (C,) or per node (N,), float64.
-Fields = dict[str, NDArray[np.float64]]
+#: Values of a field, per cell (C,) or per node (N,), float64.
+Values = NDArray[np.float64]
+#: Values of fields by name.
+Fields = dict[str, Values]
 
 # Names of the fields that forming and fluid exchange.
 PORE_PRESSURE = "pore_pressure"  # [Pa] per cell
@@ -78,7 +80,7 @@ class CoupledPart(Protocol):
     def restore(self, saved: Any) -> None:
         """Return to a saved state, any number of times; going on from it is bit-identical."""
 
-    def set_fields(self, fields: Mapping[str, NDArray[np.float64]]) -> None:
+    def set_fields(self, fields: Mapping[str, Values]) -> None:
         """Take inputs by name; they hold until they are set again. The part copies what it keeps.
 
         Raises
@@ -99,7 +101,7 @@ class CoupledPart(Protocol):
 class HasPlaces(Protocol):
     """A part that knows where the values of its fields lie, for messages."""
 
-    def places(self, name: str) -> NDArray[np.float64] | None:
+    def places(self, name: str) -> Values | None:
         """Return the positions (n, 3) [m] of a field's values, None where there are none."""
 
 
@@ -121,7 +123,7 @@ class PartFailed(SimulationError):
         part: str = "",
         time: float = math.nan,
         step: float = math.nan,
-        inputs: Mapping[str, NDArray[np.float64]] | None = None,
+        inputs: Mapping[str, Values] | None = None,
     ) -> None:
         self.reason, self.part, self.time, self.step = reason, part, time, step
         self.inputs = {} if inputs is None else dict(inputs)
@@ -245,7 +247,7 @@ class Exchange:
         """Return the exchange in words, for messages and histories."""
         return f"{self.source}.{self.field} -> {self.target}.{self.input}"
 
-    def carry(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def carry(self, values: Values) -> Values:
         """Return the source's values on the target's mesh, always a new array."""
         if self.mapping is None:
             return np.array(values, dtype=np.float64)
@@ -272,10 +274,41 @@ def fixed_stress_exchanges(
     ]
 
 
-def _range_text(values: NDArray[np.float64]) -> str:
+def _range_text(values: Values) -> str:
     values = np.asarray(values)
     if values.size == 0:
         return "empty"
     if not np.all(np.isfinite(values)):
         return f"{np.count_nonzero(~np.isfinite(values))} of {values.size} not finite"
     return f"{values.min():.4g} to {values.max():.4g}"
+
+
+# --- fields that a coupled system offers as a part ------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Port:
+    """An input or output of a part that the system offers under a name of its own.
+
+    ``of_step``: an output is the value at the ``end`` of the system's step or its ``mean``.
+    """
+
+    part: str
+    field: str
+    of_step: Literal["end", "mean"] = "end"
+
+
+def find_port(name: str, ports: Mapping[str, Port], parts: Collection[str], kind: str) -> Port:
+    """Return the port of that name; ``"part.field"`` names a field of a part directly.
+
+    Raises
+    ------
+    InputError : there is none; names those that there are.
+    """
+    if name in ports:
+        return ports[name]
+    part, _, field = name.partition(".")
+    if part in parts and field:
+        return Port(part, field)
+    known = ", ".join([*ports, *(f"{part}.<field>" for part in parts)])
+    raise InputError(f'the coupled system has no {kind} "{name}"; there are {known}')

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain.coupling.iteration.interface import (
     CoupledPart,
@@ -16,10 +15,9 @@ from lcmchain.coupling.iteration.interface import (
     HasPlaces,
     PartFailed,
     Tolerance,
+    Values,
 )
 from lcmchain.errors import InputError, SimulationError
-
-Values = NDArray[np.float64]
 
 
 class Sweep:

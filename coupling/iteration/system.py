@@ -1,18 +1,24 @@
-"""A system of coupled parts: goes through windows of time until all exchanged fields agree."""
+"""A system of coupled parts: goes through windows of time until all exchanged fields agree.
+
+The size of the windows is constant, or led by iterations, failures and coupling residual. The first
+guess in a window is extrapolated from the last ones.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lcmchain.coupling.iteration.attempt import Attempt, Iteration, Window
-from lcmchain.coupling.iteration.failure import NotSettled, not_converged
+from lcmchain.coupling.iteration.attempt import (
+    Attempt,
+    Iteration,
+    NotSettled,
+    Window,
+    not_converged,
+)
 from lcmchain.coupling.iteration.history import (
     ACCEPTED,
     CONVERGED,
@@ -29,17 +35,15 @@ from lcmchain.coupling.iteration.interface import (
     Fields,
     Jumps,
     PartFailed,
+    Port,
+    Values,
+    find_port,
 )
-from lcmchain.coupling.iteration.ports import Port, find_port
-from lcmchain.coupling.iteration.predictor import Predictor
 from lcmchain.coupling.iteration.schemes import Scheme
 from lcmchain.coupling.iteration.sweep import Sweep
-from lcmchain.coupling.iteration.windows import WindowControl, WindowSize
 from lcmchain.errors import InputError, SimulationError
 
 log = logging.getLogger(__name__)
-
-Values = NDArray[np.float64]
 
 
 class CoupledSystem:
@@ -356,3 +360,176 @@ class CoupledSystem:
                 "" if error is None else str(error),
             )
         )
+
+
+# --- size of the windows --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class WindowControl:
+    """How long a window is.
+
+    Parameters
+    ----------
+    size : of the first window [s].
+    smallest : a window that fails is halved and tried again down to this size; the same as
+        ``size`` (so never) where it is None.
+    largest : windows that converge easily grow up to this size; None: never beyond ``size``.
+    few_iterations : what "easily" means.
+    patience : windows in a row that must go easily before one grows.
+    grow : factor of growth.
+    residual : wanted size of the coupling residual: the part of a field that its prediction at the
+        beginning of the window missed, over the field. It estimates the error of an explicit
+        scheme, and the change of curvature in an implicit one. A window is repeated where it is
+        exceeded twofold, as long as ``smallest`` allows. None: not looked at.
+    """
+
+    size: float
+    smallest: float | None = None
+    largest: float | None = None
+    few_iterations: int = 5
+    patience: int = 3
+    grow: float = 1.5
+    residual: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.size < math.inf):
+            raise InputError(f"the size of a window must be positive, not {self.size:g} s")
+        if not (0.0 < self.least <= self.size <= self.most < math.inf):
+            raise InputError(
+                f"a window of {self.size:g} s lies outside of smallest {self.least:g} s and "
+                f"largest {self.most:g} s"
+            )
+        if not self.grow > 1.0:
+            raise InputError(f"windows grow by a factor above 1, not {self.grow:g}")
+        if self.residual is not None and not self.residual > 0.0:
+            raise InputError(f"the coupling residual must be positive, not {self.residual:g}")
+
+    @property
+    def least(self) -> float:
+        return self.size if self.smallest is None else self.smallest
+
+    @property
+    def most(self) -> float:
+        return self.size if self.largest is None else self.largest
+
+
+@dataclass
+class WindowSize:
+    """The present size of the windows; belongs to one system."""
+
+    control: WindowControl
+    size: float = field(init=False)
+    calm: int = field(default=0, init=False)  # windows in a row that went easily
+
+    def __post_init__(self) -> None:
+        self.size = self.control.size
+
+    def within(self, remaining: float) -> float:
+        """Return the size of the next window; equal windows fill what remains."""
+        return remaining / max(1, math.ceil(remaining / self.size - 1e-9))
+
+    def shorter(self, used: float) -> float | None:
+        """Return half of a window that failed, None where it is the smallest already."""
+        smaller = max(0.5 * used, self.control.least)
+        return smaller if smaller < used * (1.0 - 1e-9) else None
+
+    def shorten(self, size: float) -> None:
+        """Go on with shorter windows."""
+        self.size, self.calm = size, 0
+
+    def follow(self, used: float, iterations: int, missed: float, order: int) -> None:
+        """Choose the next size after a window that was accepted."""
+        control = self.control
+        self.calm = self.calm + 1 if iterations <= control.few_iterations else 0
+        size = self.size
+        if self.calm >= control.patience:
+            size, self.calm = size * control.grow, 0
+        if control.residual is not None:
+            # What an extrapolation of this order misses grows with the power order + 1.
+            ratio = control.residual / max(missed, 1e-300)
+            fitting = used * 0.9 * ratio ** (1.0 / (order + 1))
+            size = min(size, fitting) if fitting < self.size else size
+        self.size = min(max(size, control.least), control.most)
+
+    def save(self) -> Any:
+        """Return a copy of the memory."""
+        return self.size, self.calm
+
+    def restore(self, saved: Any) -> None:
+        """Return to a saved memory."""
+        self.size, self.calm = saved
+
+
+# --- first guess in a window ----------------------------------------------------------------------
+
+
+class Predictor:
+    """Extrapolate from the ends of the last windows by a polynomial of ``order`` 0, 1 or 2.
+
+    Windows may differ in size. As long as there are fewer windows the order is lower.
+    """
+
+    def __init__(self, order: int) -> None:
+        if order not in (0, 1, 2):
+            raise InputError(f"the order of extrapolation must be 0, 1 or 2, not {order}")
+        self.order = order
+        self._times: list[float] = []  # newest first
+        self._values: list[list[Values]] = []
+
+    @property
+    def started(self) -> bool:
+        return bool(self._times)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Return whether there are windows enough for more than holding the last values."""
+        return len(self._times) > 1
+
+    @property
+    def latest(self) -> list[Values]:
+        """Return the fields at the end of the last window."""
+        return self._values[0]
+
+    def accept(self, time: float, values: list[Values]) -> None:
+        """Take the fields (one array per exchange) at the end of a window."""
+        self._times.insert(0, time)
+        self._values.insert(0, [field.copy() for field in values])
+        del self._times[self.order + 1 :], self._values[self.order + 1 :]
+
+    def held(self) -> list[Values]:
+        """Return the fields as they were at the end of the last window, new arrays."""
+        return [field.copy() for field in self._values[0]]
+
+    def at(self, time: float) -> list[Values]:
+        """Return the fields extrapolated to ``time``, new arrays."""
+        weights = _lagrange_weights(self._times, time)
+        fields = []
+        for number in range(len(self._values[0])):
+            # From the newest value on: a field that does not change stays bit-identical.
+            field = self._values[0][number].copy()
+            for weight, values in zip(weights[1:], self._values[1:]):
+                field += weight * (values[number] - self._values[0][number])
+            fields.append(field)
+        return fields
+
+    def save(self) -> Any:
+        """Return a copy of the memory."""
+        return list(self._times), [[field.copy() for field in row] for row in self._values]
+
+    def restore(self, saved: Any) -> None:
+        """Return to a saved memory."""
+        times, values = saved
+        self._times, self._values = list(times), [[field.copy() for field in row] for row in values]
+
+
+def _lagrange_weights(nodes: list[float], time: float) -> list[float]:
+    """Return the weights of the values at ``nodes`` for their polynomial at ``time``; sum 1."""
+    weights = []
+    for i, here in enumerate(nodes):
+        weight = 1.0
+        for j, other in enumerate(nodes):
+            if j != i:
+                weight *= (time - other) / (here - other)
+        weights.append(weight)
+    return weights

@@ -14,12 +14,11 @@ from lcmchain.coupling.closing.mould import begin, closure_of, seen_across
 from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.forming_fields import forming_datasets
-from lcmchain.coupling.infiltration.fields import FILLING_FIELDS
-from lcmchain.coupling.infiltration.filling_run import FillingRun, Tell
+from lcmchain.coupling.infiltration.files import FILLING_FIELDS
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
-from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, write_filled
+from lcmchain.coupling.infiltration.stage import FillingRun, FillOptions, Tell, write_filled
 from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
 from lcmchain.coupling.iteration.interface import CoupledPart
 from lcmchain.coupling.precice_adapter.case import (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lcmchain.coupling.infiltration.filling_run import Tell
+from lcmchain.coupling.infiltration.stage import Tell
 from lcmchain.coupling.precice_adapter.adapter import Adapter, Steps
 from lcmchain.coupling.precice_adapter.case import PreciceCase
 from lcmchain.coupling.precice_adapter.library import open_participant

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.flow.preform import Preform
 from lcmchain.coupling.infiltration.formed_part import FormedPart, fibre_directions
-from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.permeability import law_of, principal_permeabilities
 from lcmchain.coupling.principal_permeability import unit
 from lcmchain.coupling.solids.stack import StackForming

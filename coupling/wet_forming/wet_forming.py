@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.coupling.filling_part import FillingPart
-from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
+from lcmchain.coupling.infiltration.files import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.flow.medium import OpenFaces
+from lcmchain.coupling.infiltration.flow.preform import Preform
 from lcmchain.coupling.infiltration.formed_part import FormedPart
-from lcmchain.coupling.infiltration.open_faces import OpenFaces
-from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.iteration import (

@@ -18,9 +18,13 @@ import matplotlib
 import numpy as np
 
 from lcmchain import read_scene, run
-from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
 from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
-from lcmchain.coupling.infiltration.picture import nice_levels, paint_contours
+from lcmchain.coupling.infiltration.picture import (
+    contours,
+    nice_levels,
+    paint_contours,
+    triangles_around_centres,
+)
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.stage import fill
 from lcmchain.report.renderer import axes_at, draw_segments, fit_axis, label_axes

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from lcmchain import read_scene, run
-from lcmchain.coupling.infiltration.chain import map_and_fill
+from lcmchain.coupling.infiltration.stage import map_and_fill
 from lcmchain.scene import read_infiltration
 
 SCENE = Path(__file__).with_name("dome.toml")

@@ -138,7 +138,7 @@ def _fill_file(
     the_case = read_infiltration(case, overrides)
     options = replace(options, directory=case.resolve().parent)
     with output_folder(out or Path("results") / name, inputs=[source, case, mesh]) as folder:
-        from lcmchain.coupling.infiltration.chain import map_and_fill
+        from lcmchain.coupling.infiltration.stage import map_and_fill
 
         with progress_bar(quiet=quiet) as progress:
             reports = map_and_fill(
@@ -173,7 +173,7 @@ def _fill_scene(
         )
     reports = []
     with output_folder(folder, inputs=[path]):
-        from lcmchain.coupling.infiltration.chain import is_mapped_from, map_and_fill
+        from lcmchain.coupling.infiltration.stage import is_mapped_from, map_and_fill
         from lcmchain.mapping import MappingOptions
 
         for name, (case, target) in scene.infiltrations.items():

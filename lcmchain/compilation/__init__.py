@@ -12,6 +12,6 @@
     front_end        less time in numba's own typing
 
 Most of them replace functions inside numba, which its versions may change: tried on 0.61.0 and
-0.68.1, and an upper bound in ``pyproject.toml`` goes with them. Each file says what it replaces, why,
-and what was measured; each has a test of its own.
+0.68.1, and an upper bound in ``pyproject.toml`` goes with them. Each file says what it replaces,
+why, and what was measured; each has a test of its own.
 """

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 
 from lcmchain.coupling.closing.mould import Mould
 from lcmchain.coupling.closing.textile import compaction_of, of_cells
+from lcmchain.coupling.infiltration.flow.time_step import TimeStep
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
-from lcmchain.coupling.infiltration.time_step import TimeStep
 from lcmchain.coupling.solids.closures import Bag
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
@@ -129,10 +129,10 @@ def few_steps(monkeypatch):
     """Time steps that collapse are an error here, not a test that never ends."""
     take, taken = TimeStep.take, []
 
-    def counted(self, until):
+    def counted(self, state, until):
         taken.append(until)
         assert len(taken) <= MOST_STEPS, f"{MOST_STEPS} time steps do not suffice"
-        return take(self, until)
+        return take(self, state, until)
 
     monkeypatch.setattr(TimeStep, "take", counted)
     return taken

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from lcmchain.coupling.filling_part import FillingPart
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 from lcmchain.coupling.iteration import (
     CoupledPart,
     CoupledSystem,

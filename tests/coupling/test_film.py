@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.coupling.infiltration.film import film_conductance, impregnate
+from lcmchain.coupling.infiltration.flow.film import film_conductance, impregnate
 from lcmchain.errors import InputError
 
 PHI, MU, K3, DP, THICKNESS = 0.5, 0.1, 2e-12, 1e5, 2e-3

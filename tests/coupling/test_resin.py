@@ -10,12 +10,14 @@ from lcmchain.coupling.infiltration.resin import (
     GAS_CONSTANT,
     ArrheniusViscosity,
     CastroMacoskoViscosity,
-    ConstantTemperature,
     ConstantViscosity,
     KamalSourour,
+    advance_cure,
+)
+from lcmchain.coupling.infiltration.resin_temperature import (
+    ConstantTemperature,
     MouldTemperature,
     PrescribedTemperature,
-    advance_cure,
 )
 from lcmchain.errors import InputError
 

@@ -5,16 +5,17 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.film_supply import Film
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.film import Film
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 from lcmchain.coupling.infiltration.resin import (
     ArrheniusViscosity,
     CastroMacoskoViscosity,
-    ConstantTemperature,
     KamalSourour,
+)
+from lcmchain.coupling.infiltration.resin_temperature import (
+    ConstantTemperature,
     MouldTemperature,
     PrescribedTemperature,
 )

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from lcmchain.coupling.infiltration.resin import advance_cure, resin_of, temperature_of
+from lcmchain.coupling.infiltration.resin import advance_cure, resin_of
+from lcmchain.coupling.infiltration.resin_temperature import temperature_of
 from lcmchain.quantities.entry_types import FROM_FILE
 from lcmchain.scene.published_resins import CURES, VISCOSITIES
 from lcmchain.scene.resin import Resin

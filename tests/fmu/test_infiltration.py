@@ -15,9 +15,9 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from lcmchain.coupling.filling_part import FillingPart
-from lcmchain.coupling.infiltration.boundaries import Gate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate
+from lcmchain.coupling.infiltration.flow.motion import FULL
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
-from lcmchain.coupling.infiltration.overflow import FULL
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
 from lcmchain.errors import InputError

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lcmchain.coupling.infiltration.boundaries import RaceTrack
-from lcmchain.coupling.infiltration.delaunay import cut, flip
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.network import Network
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+from lcmchain.coupling.infiltration.flow.network import Network, RaceTrack
+from lcmchain.coupling.infiltration.flow.pairs import cut, flip
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh
+
+from .sample_meshes import plate, random_plate
 
 SIDE = 0.3
 MESHES = {

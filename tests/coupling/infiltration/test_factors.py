@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_matrix
 
-from lcmchain.coupling.infiltration import factors as kept
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+from lcmchain.coupling.infiltration.flow import pressure as kept
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import Preform
 from lcmchain.errors import SimulationError
+
+from .sample_meshes import plate, random_plate
 
 
 def from_the_left(mesh, **given):

@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.flow_medium import FlowMedium, lead_length
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.resin import (
-    CastroMacoskoViscosity,
-    ConstantTemperature,
-    KamalSourour,
-)
-from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.flow_medium import FlowMedium, lead_length
+from lcmchain.coupling.infiltration.flow.preform import Preform
+from lcmchain.coupling.infiltration.resin import CastroMacoskoViscosity, KamalSourour
+from lcmchain.coupling.infiltration.resin_temperature import ConstantTemperature
 from lcmchain.errors import InputError
+
+from .sample_meshes import plate
 
 LENGTH, WIDTH, HEIGHT, POROSITY, THROUGH = 0.3, 0.02, 0.004, 0.5, 4e-12
 LAYER, LAYER_POROSITY, LAYER_PERMEABILITY = 0.001, 0.8, 3e-9

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.film_supply import Film
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.film import Film
+from lcmchain.coupling.infiltration.flow.preform import Preform
 from lcmchain.errors import SimulationError
+
+from .sample_meshes import plate, random_plate
 
 HALF, WIDTH, HEIGHT, SPEED = 0.1, 0.05, 0.003, 1e-5
 PERMEABILITY, VISCOSITY = 1e-10, 0.1

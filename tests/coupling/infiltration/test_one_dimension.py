@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.flow.preform import Preform
+
+from .sample_meshes import plate, random_plate
 
 LENGTH, WIDTH, HEIGHT = 0.3, 0.1, 0.003
 POROSITY, VISCOSITY, PERMEABILITY, PRESSURE = 0.5, 0.1, 1e-10, 1e5

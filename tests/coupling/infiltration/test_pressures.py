@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import Preform
+
+from .sample_meshes import plate
 
 HOLE = 0.018
 

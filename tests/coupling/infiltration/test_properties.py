@@ -5,13 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.film_supply import Film
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate, random_plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.flow.film import Film
+from lcmchain.coupling.infiltration.flow.network import RaceTrack
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
 from lcmchain.errors import InputError
+
+from .sample_meshes import plate, random_plate
 
 
 @pytest.mark.parametrize("seed", range(12))

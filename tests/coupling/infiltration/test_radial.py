@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import disc, plate, random_plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
+
+from .sample_meshes import disc, plate, random_plate
 
 HOLE, HEIGHT, POROSITY, VISCOSITY = 0.01, 0.003, 0.7, 0.06
 PERMEABILITY, PRESSURE = 3e-10, 35e3

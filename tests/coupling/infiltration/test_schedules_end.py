@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from lcmchain.coupling.infiltration.boundaries import Gate, Schedule, TimeTable, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.film_supply import Film
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.flow.film import Film
+from lcmchain.coupling.infiltration.flow.preform import Preform
+
+from .sample_meshes import plate
 
 
 def filling(*gates):

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from lcmchain.coupling.infiltration.boundaries import Gate, RaceTrack, Vent
 from lcmchain.coupling.infiltration.filling import Filling
-from lcmchain.coupling.infiltration.front import find_front
-from lcmchain.coupling.infiltration.mesh import FlowMesh
-from lcmchain.coupling.infiltration.network import Network
-from lcmchain.coupling.infiltration.preform import Preform
-from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
+from lcmchain.coupling.infiltration.flow.front import find_front
+from lcmchain.coupling.infiltration.flow.network import Network, RaceTrack
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
+
+from .sample_meshes import plate
 
 LENGTH, WIDTH, HEIGHT = 0.3, 0.1, 0.003
 POROSITY, VISCOSITY, PRESSURE = 0.5, 0.1, 1e5

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
+from lcmchain.coupling.infiltration.picture import contours, triangles_around_centres
 
 LEVELS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 

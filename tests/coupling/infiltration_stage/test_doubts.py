@@ -123,7 +123,7 @@ def test_a_saved_state_that_is_not_there_is_refused(kit):
 
 
 def test_a_mapped_file_has_no_frames_to_choose_from(kit, tmp_path):
-    from lcmchain.coupling.infiltration.chain import map_and_fill
+    from lcmchain.coupling.infiltration.stage import map_and_fill
 
     points, quads = strip(10, 2)
     mesh = tmp_path / "part.vtk"

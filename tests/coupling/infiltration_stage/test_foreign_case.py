@@ -8,11 +8,10 @@ import xarray as xr
 from typer.testing import CliRunner
 
 from lcmchain.cli import app
-from lcmchain.coupling.infiltration.chain import map_and_fill
 from lcmchain.coupling.infiltration.foreign_case import case_text, read_lcmsim, read_rtmsim
+from lcmchain.coupling.infiltration.formed_part import unformed_part
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, fill
-from lcmchain.coupling.infiltration.unformed_part import unformed_part
+from lcmchain.coupling.infiltration.stage import FillOptions, fill, map_and_fill
 from lcmchain.errors import InputError
 from lcmchain.scene.infiltration_file import infiltration_from_text
 

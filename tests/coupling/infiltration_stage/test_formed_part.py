@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from lcmchain.coupling.infiltration.cell_permeability import require_permeable
 from lcmchain.coupling.infiltration.formed_part import (
     read_formed_part,
     with_permeability,
 )
-from lcmchain.coupling.infiltration.permeable import require_permeable
 from lcmchain.errors import InputError
 from lcmchain.mapping import map_file
 from lcmchain.scene.permeability import GebartPermeability

@@ -8,12 +8,9 @@ import pytest
 import xarray as xr
 
 from lcmchain.coupling.filling_part import FillingPart
-from lcmchain.coupling.infiltration.chain import map_and_fill
-from lcmchain.coupling.infiltration.filling_run import FillingRun
-from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.formed_part import read_formed_part, unformed_part
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, fill
-from lcmchain.coupling.infiltration.unformed_part import unformed_part
+from lcmchain.coupling.infiltration.stage import FillingRun, FillOptions, fill, map_and_fill
 from lcmchain.errors import InputError
 from lcmchain.fmu.infiltration_build import build_infiltration_fmu
 from lcmchain.report.fillings import filling_in_words

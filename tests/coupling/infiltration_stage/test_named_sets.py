@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.coupling.infiltration.chain import map_and_fill
-from lcmchain.coupling.infiltration.stage import FillOptions
+from lcmchain.coupling.infiltration.stage import FillOptions, map_and_fill
 
 from .conftest import HEAD, LENGTH, WIDTH, strip
 

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 
 from lcmchain.coupling.closing.mould import Mould
 from lcmchain.coupling.closing.textile import compaction_of
-from lcmchain.coupling.infiltration.checkpoint import read_checkpoint, write_checkpoint
+from lcmchain.coupling.infiltration.cell_permeability import factor_of
+from lcmchain.coupling.infiltration.files import read_checkpoint, write_checkpoint
+from lcmchain.coupling.infiltration.flow.preform import kozeny_factor
 from lcmchain.coupling.infiltration.formed_part import read_formed_part, with_permeability
-from lcmchain.coupling.infiltration.law_factor import factor_of
-from lcmchain.coupling.infiltration.preform import kozeny_factor
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill, fill_part

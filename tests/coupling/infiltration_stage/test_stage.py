@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.coupling.infiltration import picture
-from lcmchain.coupling.infiltration.checkpoint import read_checkpoint
+from lcmchain.coupling.infiltration.files import read_checkpoint
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import set_up
@@ -158,7 +158,7 @@ def test_the_series_for_paraview_has_every_state(strip_result):
 
 
 def test_a_mapped_mesh_is_filled_through_its_named_sets(kit, tmp_path):
-    from lcmchain.coupling.infiltration.chain import map_and_fill
+    from lcmchain.coupling.infiltration.stage import map_and_fill
 
     points, quads = strip(10, 2)
     grids = [f"GRID,{n + 1},,{x:.6f},{y:.6f},{z:.6f}" for n, (x, y, z) in enumerate(points)]

@@ -9,13 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lcmchain.coupling.iteration.quasi_newton import (
+from lcmchain.coupling.iteration.schemes import (
+    AitkenRelaxation,
+    ConstantRelaxation,
     MultiVectorQuasiNewton,
     QuasiNewton,
     filtered_qr,
     triangular_factor,
 )
-from lcmchain.coupling.iteration.relaxation import AitkenRelaxation, ConstantRelaxation
 from lcmchain.errors import InputError
 
 
@@ -76,8 +77,8 @@ def test_a_step_does_not_depend_on_the_number_of_threads():
     """Of the linear algebra library, which is told it when it is loaded."""
     code = """
 import hashlib, numpy as np
-from lcmchain.coupling.iteration.quasi_newton import QuasiNewton
-from lcmchain.coupling.iteration.relaxation import AitkenRelaxation
+from lcmchain.coupling.iteration.schemes import QuasiNewton
+from lcmchain.coupling.iteration.schemes import AitkenRelaxation
 rng = np.random.default_rng(0)
 for one in (QuasiNewton(), AitkenRelaxation()):
     one.begin_window()

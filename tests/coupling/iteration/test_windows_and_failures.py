@@ -15,10 +15,9 @@ from lcmchain.coupling.iteration import (
     gauss_seidel,
     iqn_ils,
 )
+from lcmchain.coupling.iteration.attempt import judge, rms
 from lcmchain.coupling.iteration.consolidation import Column, coupled_column
-from lcmchain.coupling.iteration.measures import judge, rms
-from lcmchain.coupling.iteration.predictor import Predictor
-from lcmchain.coupling.iteration.windows import WindowSize
+from lcmchain.coupling.iteration.system import Predictor, WindowSize
 from lcmchain.errors import InputError, SimulationError
 
 

@@ -15,8 +15,7 @@ from lcmchain.coupling.iteration.consolidation import (
     settlement_share,
 )
 from lcmchain.coupling.iteration.interface import PartFailed
-from lcmchain.coupling.iteration.quasi_newton import QuasiNewton
-from lcmchain.coupling.iteration.relaxation import AitkenRelaxation, ConstantRelaxation
+from lcmchain.coupling.iteration.schemes import AitkenRelaxation, ConstantRelaxation, QuasiNewton
 from lcmchain.coupling.precice_adapter.adapter import Adapter, Read, Write
 from lcmchain.errors import InputError
 
