@@ -11,6 +11,7 @@ import numpy as np
 from lcmchain.coupling.infiltration.contours import contours, triangles_around_centres
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.coupling.infiltration.unformed_part import UNFORMED
+from lcmchain.report.drawn_tools import DepthBuffer, divided_segments
 from lcmchain.report.renderer import (
     axes_at,
     draw_facets,
@@ -20,7 +21,6 @@ from lcmchain.report.renderer import (
     label_axes,
 )
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
-from lcmchain.report.transparent import DepthBuffer, divided_segments
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,

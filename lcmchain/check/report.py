@@ -47,7 +47,7 @@ from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
-from lcmchain.report.captions import START_PICTURE
+from lcmchain.report.shown import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
 

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lcmchain.quantities.durations import duration_text, milliseconds_text
-from lcmchain.report.grades import percent
-from lcmchain.report.stages import rest_in_words
+from lcmchain.quantities.rounded import percent
+from lcmchain.report.chapters import rest_in_words
 from lcmchain.thresholds import LARGEST_RIPPLE, balance_scale
 
 

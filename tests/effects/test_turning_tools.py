@@ -18,7 +18,7 @@ from lcmchain.fields.history_group import history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming import variables_of
 from lcmchain.model import build_model
-from lcmchain.report.tool_view import tool_data
+from lcmchain.report.page_data import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance

@@ -26,8 +26,8 @@ from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
-from lcmchain.report.captions import CAPTIONS
 from lcmchain.report.numbers import key_numbers, ply_numbers
+from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import draw_plies
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State

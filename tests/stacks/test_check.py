@@ -14,7 +14,7 @@ from lcmchain.check.tools_closing import closing_tools, tools_that_close
 from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.report.field_verdicts import field_verdicts
+from lcmchain.report.verdicts import field_verdicts
 from lcmchain.scene.infiltration_file import is_scene_file
 from lcmchain.scene.origin import formed_material, formed_permeability, formed_plies
 from lcmchain.study.ladder import ladder

@@ -18,8 +18,8 @@ from lcmchain.fields.waves import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
 from lcmchain.model import build_model
-from lcmchain.report.grades import Verdict, percent, worst_grade
-from lcmchain.report.verdicts import verdicts
+from lcmchain.quantities.rounded import percent
+from lcmchain.report.verdicts import Verdict, verdicts, worst_grade
 from lcmchain.scene import scene_from_text
 from lcmchain.summary import run_warnings
 
