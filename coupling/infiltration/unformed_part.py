@@ -19,7 +19,7 @@ from lcmchain.mapping.sheet import file_sha256
 from lcmchain.mapping.structure.stage import open_mapped
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh_files.readers.nastran_sets import AMBIGUOUS_SETS
-from lcmchain.scene.preform import OwnPermeability, Preform
+from lcmchain.scene.infiltration import OwnPermeability, Preform
 
 #: Attribute of the dataset of a part that was not formed here: the name of its mesh file.
 UNFORMED = "unformed_mesh"

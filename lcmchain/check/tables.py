@@ -18,7 +18,7 @@ from lcmchain.check.tools_at_start import InitialGap
 from lcmchain.check.tools_closing import Closing
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
-from lcmchain.scene.fabrics import Basis, preset_basis
+from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap

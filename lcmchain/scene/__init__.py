@@ -1,4 +1,22 @@
-"""Scene files: text with units in, validated and frozen SI scenes out."""
+"""Scene files: text with units in, validated and frozen SI scenes out.
+
+::
+
+    scene.toml ─▶ read ─────────────────────────▶ scene: Scene, all tables and the checks between
+                   │  overrides: --set key=value       ▲
+                   │  explain: a wrong entry in words  │  tables: process, output, draping,
+                   │  walk: which table stands where   │  infiltration (boundaries, resin,
+                   │                                   │  permeability), mapping_target, structure
+    a table in a file of its own, or the scene of      │
+    a result ─▶ single_tables                          │  plies (layup), stages, resin_stages:
+                                                       │  what is there when
+    presets: published materials, by name ─────────────┘
+
+    Scene ─▶ rungs: the same on another model    pace: what sets it, and which entry slows it
+          ─▶ json_schema: for editors            cases: commented scenes that ``new`` writes
+
+Tables of tools, materials, elements, effects and interfaces stand beside what they configure.
+"""
 
 from lcmchain.effects.contact import Contact
 from lcmchain.elements.kinematic import KinematicElement
@@ -15,7 +33,6 @@ from lcmchain.materials.st_venant_kirchhoff import (
 from lcmchain.mesh.blank import Blank
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.infiltration_file import infiltration_from_text, read_infiltration
 from lcmchain.scene.json_schema import scene_json_schema
 from lcmchain.scene.mapping_target import MappingTarget
 from lcmchain.scene.output import Output
@@ -24,8 +41,13 @@ from lcmchain.scene.process import Process
 from lcmchain.scene.read import read_scene, scene_from_text
 from lcmchain.scene.rungs import RUNGS, left_out_of, on_rung, rung_of
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.scene.single_tables import (
+    infiltration_from_text,
+    read_infiltration,
+    read_structure,
+    structure_from_text,
+)
 from lcmchain.scene.structure import Structure
-from lcmchain.scene.structure_file import read_structure, structure_from_text
 from lcmchain.tools.tool import Tool
 
 __all__ = [

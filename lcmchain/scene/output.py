@@ -1,4 +1,4 @@
-"""Scene table of the files that a run writes."""
+"""Scene tables of what comes of a scene: files of a run, and its functional mock-up unit."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Row,
     Switch,
+    Text,
 )
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -79,3 +80,27 @@ class Output(SceneModel):
     animation_field: Literal[
         "shear_angle", "thickness", "fibre_volume_fraction", "wrinkle_height"
     ] = Field(default="shear_angle", description="Field that colours the sheet in the film.")
+
+
+# --- functional mock-up unit ----------------------------------------------------------------------
+
+
+MOST_PARAMETERS = 100
+
+
+class Unit(SceneModel):
+    """What a master may set in the functional mock-up unit of the scene."""
+
+    parameters: Annotated[
+        tuple[Annotated[str, Text("tools.holder.motion.mass")], ...],
+        Row(
+            '["tools.holder.motion.mass"]',
+            entries="keys",
+            units=False,
+            maximum_count=MOST_PARAMETERS,
+        ),
+    ] = Field(
+        default=(),
+        description="Entries with one number that a master may set before initialization; "
+        "contact.friction always is one.",
+    )

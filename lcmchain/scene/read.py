@@ -1,9 +1,14 @@
-"""Read a scene file: TOML text, overrides, validation, and the record of what was used."""
+"""Read a scene file: text within limits, files it names, validation, and what was used.
+
+A list that stands in a file of its own becomes an entry of the scene, and an override of its text:
+a result holds the scene with all numbers, whatever becomes of the file.
+"""
 
 from __future__ import annotations
 
 import copy
 import hashlib
+import json
 import re
 import stat
 import tomllib
@@ -14,14 +19,12 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError, shortened
-from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans
+from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans, OrFile
 from lcmchain.scene.explain import MOST_PROBLEMS, Problem, key_text, problems_of
-from lcmchain.scene.files_of_tables import with_tables
-from lcmchain.scene.limits import MOST_BYTES, beyond_limits
-from lcmchain.scene.named_files import dotted, named_files
 from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
 from lcmchain.scene.scene import Scene, SceneSource
+from lcmchain.scene.walk import Location, dotted, field_at, named_files
 from lcmchain.text_files import decode_text
 from lcmchain.tools.motion import GuidedMotion
 
@@ -213,6 +216,114 @@ def _kind_of(path: Path) -> str:
     if not stat.S_ISREG(status.st_mode):
         return "a folder" if stat.S_ISDIR(status.st_mode) else "not a file"
     return "file" if status.st_size else "empty"
+
+
+# --- lists in files of their own ------------------------------------------------------------------
+
+
+def with_tables(data: dict[str, Any], directory: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return a copy of a document with the contents of these files, and these as overrides.
+
+    A file that is not there is left out: who reads the scene tells of all files that are missing.
+
+    Raises
+    ------
+    InputError : a file does not hold what it should; names key, file and line.
+    """
+    expanded, overrides = copy.deepcopy(data), []
+    for location, value in list(named_files(data)):
+        entry = field_at(location, data)
+        marks = [own for own in entry.metadata if isinstance(own, OrFile)] if entry else []
+        if not marks:
+            continue
+        holder: Any = expanded
+        for step in location[:-1]:
+            holder = holder[step]
+        path = directory / value
+        if not _is_file(path):
+            del holder[location[-1]]
+            continue
+        holder[location[-1]] = content = _content(marks[0], path, location, data)
+        overrides.append(f"{dotted(location)}={_as_toml(content)}")
+    return expanded, overrides
+
+
+def _content(mark: OrFile, path: Path, location: Location, data: dict[str, Any]) -> Any:
+    try:
+        return mark.read(path)
+    except InputError as error:
+        text = f"{error.file}: {error.message}"
+        raise InputError(text, key=key_text(location, data), file=error.file) from None
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # no name that a file can have
+        return False
+
+
+def _as_toml(content: Any) -> str:
+    """Write lists, tables, texts and numbers as a TOML value on one line."""
+    if isinstance(content, dict):
+        return "{" + ", ".join(f"{key} = {_as_toml(own)}" for key, own in content.items()) + "}"
+    if isinstance(content, list):
+        return "[" + ", ".join(map(_as_toml, content)) + "]"
+    return json.dumps(content)
+
+
+# --- limits, far above any use: what is larger was not written for a scene ------------------------
+
+
+MOST_BYTES = 2_000_000
+MOST_LEVELS = 20
+LONGEST_KEY = 100
+LONGEST_TEXT = 200_000
+#: TOML's own range of whole numbers.
+LARGEST_WHOLE_NUMBER = 2**63
+
+
+def beyond_limits(data: dict[str, Any]) -> Problem | None:
+    """Return the first entry of a parsed document that is nested too deeply or far too long."""
+    waiting: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
+    while waiting:
+        place, value = waiting.pop()
+        inner: list[tuple[str | int, Any]] = []
+        complaint = None
+        if isinstance(value, dict):
+            inner = list(value.items())
+            longest = max(value, key=len, default="")
+            if len(longest) > LONGEST_KEY:
+                complaint = (
+                    f'has a key of {len(longest):,} characters, "{shortened(longest)}"; at most '
+                    f"{LONGEST_KEY} are read"
+                )
+        elif isinstance(value, list):
+            inner = list(enumerate(value))
+        else:
+            complaint = _complaint(value)
+        if inner and len(place) == MOST_LEVELS:
+            complaint = f"is nested more than {MOST_LEVELS} levels deep; no entry of a scene is"
+        if complaint:
+            return Problem(shortened(key_text(place, data)), complaint)
+        waiting += [((*place, step), entry) for step, entry in inner]
+    return None
+
+
+def _complaint(value: Any) -> str | None:
+    if isinstance(value, str):
+        if len(value) > LONGEST_TEXT:
+            return f"is a text of {len(value):,} characters; at most {LONGEST_TEXT:,} are read"
+        if not value.isprintable() and any(map(_is_unwritable, value)):
+            return "holds characters that cannot be written to a file"
+    elif isinstance(value, int) and not -LARGEST_WHOLE_NUMBER <= value < LARGEST_WHOLE_NUMBER:
+        return "is a whole number too large to compute with"
+    return None
+
+
+def _is_unwritable(character: str) -> bool:
+    """Whether a character is half of a pair (from a command line that is no text), or a zero."""
+    return character == "\0" or "\ud800" <= character <= "\udfff"
 
 
 # --- what was given and what was defaulted --------------------------------------------------------

@@ -15,8 +15,12 @@ from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.report.verdicts import field_verdicts
-from lcmchain.scene.infiltration_file import is_scene_file
-from lcmchain.scene.origin import formed_material, formed_permeability, formed_plies
+from lcmchain.scene.single_tables import (
+    formed_material,
+    formed_permeability,
+    formed_plies,
+    is_scene_file,
+)
 from lcmchain.study.ladder import ladder
 from lcmchain.study.scene_text import SceneText
 from lcmchain.study.sensitivity import default_inputs
