@@ -21,9 +21,9 @@ from lcmchain.scene.single_tables import (
     formed_plies,
     is_scene_file,
 )
-from lcmchain.study.ladder import ladder
-from lcmchain.study.scene_text import SceneText
+from lcmchain.study.accuracy import ladder
 from lcmchain.study.sensitivity import default_inputs
+from lcmchain.study.sources import SceneText
 
 PLY = '[[plies]]\nsize = ["40 mm", "40 mm"]\nedge_length = "10 mm"\n'
 MD600 = 'material = { preset = "MD600" }\n'
