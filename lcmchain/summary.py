@@ -23,7 +23,7 @@ from lcmchain.check.quasi_static import (
     quasi_static_warnings,
     snap_warnings,
 )
-from lcmchain.check.tools_without_touch import tools_never_touched
+from lcmchain.check.tool_strokes import tools_never_touched
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of

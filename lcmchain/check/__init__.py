@@ -1,4 +1,18 @@
-"""What a scene will simulate and why, what it costs, and whether it can start."""
+"""What a scene will simulate and why, what it costs, and whether it can start.
+
+::
+
+    Scene ─▶ large_mesh: the scene itself, or a coarser one in place of a very large mesh
+               │
+               ├─▶ tools_at_start: gaps and overlaps      ├─▶ effects_of_run: which, why, how dear
+               ├─▶ tool_strokes: ways of the tools        ├─▶ expected_cost: steps, time, memory
+               ├─▶ quasi_static: is there time enough     └─▶ remarks: allowed, but hardly meant
+               ▼
+             report: CheckReport ─▶ tables ─▶ terminal
+
+What a run finds of the same questions at its end (``summary.json``) is told by quasi_static,
+fibre_strain and tool_strokes too.
+"""
 
 import lazy_loader
 

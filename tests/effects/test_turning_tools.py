@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from lcmchain.check.tools_closing import closing_tools, require_space
-from lcmchain.check.tools_without_touch import tools_out_of_reach
+from lcmchain.check.tool_strokes import closing_tools, require_space, tools_out_of_reach
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries

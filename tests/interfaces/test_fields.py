@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from stacks import T, of_points, ply, scene_of, stack
 from test_sliding import MU, sled
 
-from lcmchain.check.saved_frames import frame_bytes
+from lcmchain.check.large_mesh import frame_bytes
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries

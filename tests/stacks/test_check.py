@@ -9,8 +9,8 @@ from lcmchain.check.large_mesh import checked_mesh
 from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import stack_tables
+from lcmchain.check.tool_strokes import closing_tools, tools_that_close
 from lcmchain.check.tools_at_start import require_no_initial_overlap
-from lcmchain.check.tools_closing import closing_tools, tools_that_close
 from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
