@@ -6,12 +6,9 @@
                │
                ├─▶ tools_at_start: gaps and overlaps      ├─▶ effects_of_run: which, why, how dear
                ├─▶ tool_strokes: ways of the tools        ├─▶ expected_cost: steps, time, memory
-               ├─▶ quasi_static: is there time enough     └─▶ remarks: allowed, but hardly meant
+               ├─▶ judgements: is there time enough       └─▶ remarks: allowed, but hardly meant
                ▼
              report: CheckReport ─▶ tables ─▶ terminal
-
-What a run finds of the same questions at its end (``summary.json``) is told by quasi_static,
-fibre_strain and tool_strokes too.
 """
 
 import lazy_loader

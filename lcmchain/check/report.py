@@ -19,7 +19,6 @@ from lcmchain.check.effects_of_run import (
 )
 from lcmchain.check.expected_cost import Estimate, estimate_run
 from lcmchain.check.large_mesh import CheckedMesh, checked_mesh, require_frames_fit
-from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import (
     closing_table,
@@ -51,6 +50,7 @@ from lcmchain.draping.joints import joints_of
 from lcmchain.draping.result import draping_effect, locking_warnings
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
+from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
 from lcmchain.quantities.places import millimetres

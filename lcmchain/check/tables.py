@@ -12,9 +12,9 @@ import numpy as np
 from lcmchain.check.effects_of_run import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.large_mesh import BUILDING_BYTES, frame_bytes
-from lcmchain.check.quasi_static import PERIODS, ProcessTime
 from lcmchain.check.tool_strokes import Closing
 from lcmchain.check.tools_at_start import InitialGap
+from lcmchain.judgements.quasi_static import PERIODS, ProcessTime
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.presets import Basis, preset_basis

@@ -10,7 +10,7 @@
                                           │
     summary.json ─▶ numbers, chapters: what a run found, in words ──▶ terminal
                 │                         │
-                └─▶ verdicts: grade, words and remedy of every measure
+                └─▶ lcmchain.judgements: grade, words and remedy of every measure
                                           │
     forming.nc ─▶ page_data: numbers of   ▼
                   curves and 3D view ─▶ html: report.html, in one file

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET
+from lcmchain.judgements.grades import GRADES, worst_grade
+from lcmchain.judgements.verdicts import verdicts
 from lcmchain.report.chapters import dry_spot_rows, filling_rows, mapping_rows, stage_chapters
 from lcmchain.report.numbers import (
     gripper_table,
@@ -22,7 +24,6 @@ from lcmchain.report.numbers import (
 from lcmchain.report.page_data import curve_data, tool_data, view_data
 from lcmchain.report.shown import CAPTIONS, caption_of
 from lcmchain.report.style import SERIES
-from lcmchain.report.verdicts import GRADES, verdicts, worst_grade
 from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:

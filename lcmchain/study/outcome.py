@@ -100,7 +100,8 @@ class Outcome:
 
 def outcome_of(datasets: dict[str, xr.Dataset], summary: dict, scene: Scene) -> Outcome:
     """Return what is kept of a forming result (groups of ``forming.nc``, ``summary.json``)."""
-    from lcmchain.report.verdicts import GOOD, GRADES, verdicts
+    from lcmchain.judgements.grades import GOOD, GRADES
+    from lcmchain.judgements.verdicts import verdicts
 
     numbers = dict(summary)
     if "energy" in summary:

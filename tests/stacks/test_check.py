@@ -6,15 +6,15 @@ from rich.console import Console
 
 from lcmchain.check import check_scene, large_mesh
 from lcmchain.check.large_mesh import checked_mesh
-from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import stack_tables
 from lcmchain.check.tool_strokes import closing_tools, tools_that_close
 from lcmchain.check.tools_at_start import require_no_initial_overlap
 from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
+from lcmchain.judgements.quasi_static import process_time_needed
+from lcmchain.judgements.verdicts import field_verdicts
 from lcmchain.model import build_model
-from lcmchain.report.verdicts import field_verdicts
 from lcmchain.scene.single_tables import (
     formed_material,
     formed_permeability,

@@ -12,21 +12,24 @@ natural periods).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lcmchain.fields.loads import exceeded_over, has_histories, snaps_text
+from lcmchain.judgements.grades import DOUBTFUL, GOOD, Verdict, grade_of, share
 from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import Model
 from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.quantities.rounded import milliseconds, two_digits
+from lcmchain.quantities.rounded import milliseconds, percent, two_digits
+from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.pace import (
     balance_remedies,
     entries_that_slow,
+    has_guided_load,
     is_driven,
     is_led,
     led_time,
@@ -34,11 +37,13 @@ from lcmchain.scene.pace import (
     slower_process,
     slowing_entry,
 )
+from lcmchain.solver import guards
 from lcmchain.thresholds import (
     LARGEST_BALANCE_ERROR,
     LARGEST_DAMPING_PART,
     LARGEST_HOURGLASS_PART,
     LARGEST_KINETIC_PART,
+    LARGEST_KINETIC_PART_AT_END,
     LONGEST_DYNAMIC_PART,
     balance_scale,
 )
@@ -47,8 +52,13 @@ from lcmchain.tools.motion import GUIDED
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Periods of the slowest shear vibration that a process takes at least, and to be safe.
 PERIODS = (3, 5)
+#: Strain of fibres below which a sheet counts as never strained.
 IDLE_STRAIN = 1e-6
+
+
+# --- the time of a process ------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -111,6 +121,56 @@ def _holder_periods(model: Model) -> dict[str, float]:
     return found
 
 
+def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
+    """Say where the process is faster than the sheet can follow."""
+    time = led_time(scene)
+    if not is_driven(scene) or scene.time_is_found or time >= needed.least or time == 0.0:
+        return []
+    given = f"process.time = {milliseconds(time)} is"
+    if scene.stages:
+        given = (
+            f"the stages in which tools are led take {milliseconds_text(time)} together, which is"
+        )
+    return [
+        f"{given} shorter than {PERIODS[0]} periods "
+        f"of the slowest shear vibration of the sheet ({milliseconds_text(needed.period)} each): "
+        "inertia will be part of forces and shape; use "
+        f"{slower_process(scene, needed.least, time)} or more"
+    ]
+
+
+def process_time_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge the time of a process by what the sheet needs."""
+    needed = summary.get("process_time_needed_s")
+    if needed is None or not is_driven(scene):
+        return
+    time = led_time(scene)
+    if scene.time_is_found:
+        time = scene.process.time
+        pace = summary.get("pace", {})
+        text = f"left out; the process takes {milliseconds_text(time)} at the fastest"
+        if pace:
+            text += f", and took {milliseconds_text(pace['sheet_time_s'])}"
+        yield Verdict("Process time", GOOD, text)
+        return
+    led = " in the stages in which tools are led" if scene.stages else ""
+    grade = grade_of(-time, -needed["least_s"], -needed["shear_period_s"])
+    text = (
+        f"{1e3 * time:.4g} ms{led}; the sheet, whose slowest shear vibration takes "
+        f"{milliseconds_text(needed['shear_period_s'])}, needs at least "
+        f"{milliseconds_text(needed['least_s'])}"
+    )
+    if time >= needed["sufficient_s"]:
+        text += "; nothing should change with a longer process"
+    else:
+        sufficient = milliseconds_text(needed["sufficient_s"])
+        text += f", and from {sufficient} on nothing should change any more"
+    yield Verdict("Process time", grade, text, slowing_entry(scene) if grade != GOOD else "")
+
+
+# --- what inertia, damping and hourglass terms took -----------------------------------------------
+
+
 def idle_energy(model: Model) -> float:
     """Return the strain energy [J] below which a sheet counts as never strained.
 
@@ -159,6 +219,44 @@ def quasi_static_measures(
     return measures
 
 
+# --- energy balance -------------------------------------------------------------------------------
+
+
+def balance_warning(measures: Mapping[str, Any], scene: Scene) -> list[str]:
+    """Say that an energy balance is off, and which entries close it.
+
+    measures : ``balance_error_max``, ``strained`` and those of :func:`quasi_static_measures`.
+    """
+    error = measures["balance_error_max"]
+    if not error > LARGEST_BALANCE_ERROR:
+        return []
+    *slower, step = balance_remedies(measures, scene)
+    first = ""
+    if slower and slower[0] == "element.cross_terms":
+        first = f"leave {slower.pop(0)} off, or "
+    if slower:
+        first += f"slow the sheet with {' or '.join(slower)}, or "
+    return [
+        f"the energy balance is off by {error:.1%} {balance_scale(measures)}; {first}lower {step}"
+    ]
+
+
+def balance_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge the error of the energy balance."""
+    if "balance_error_max" in summary:
+        yield share(
+            "Energy balance",
+            summary["balance_error_max"],
+            LARGEST_BALANCE_ERROR,
+            f"off by {{}} {balance_scale(summary)}",
+            "energy is lost or comes from nowhere",
+            ", ".join(balance_remedies(summary, scene)),
+        )
+
+
+# --- inertia and damping, which one entry may cure ------------------------------------------------
+
+
 def quasi_static_warnings(
     measures: Mapping[str, float], scene: Scene, needed: ProcessTime
 ) -> list[str]:
@@ -166,10 +264,10 @@ def quasi_static_warnings(
 
     measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
-    inertia, damping = _inertia(measures, scene, needed), _damping(measures, scene)
+    inertia, damping = _inertia_warning(measures, scene, needed), _damping_warning(measures, scene)
     together = _too_fast(measures, scene, needed) if inertia and damping else None
     pace = [together] if together is not None else [*inertia, *damping]
-    return [*pace, *_hourglass(measures, scene)]
+    return [*pace, *_hourglass_warning(measures, scene)]
 
 
 def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
@@ -216,26 +314,7 @@ def _excess_of_damping(part: float) -> float:
     return part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
 
 
-def balance_warning(measures: Mapping[str, Any], scene: Scene) -> list[str]:
-    """Say that an energy balance is off, and which entries close it.
-
-    measures : ``balance_error_max``, ``strained`` and those of :func:`quasi_static_measures`.
-    """
-    error = measures["balance_error_max"]
-    if not error > LARGEST_BALANCE_ERROR:
-        return []
-    *slower, step = balance_remedies(measures, scene)
-    first = ""
-    if slower and slower[0] == "element.cross_terms":
-        first = f"leave {slower.pop(0)} off, or "
-    if slower:
-        first += f"slow the sheet with {' or '.join(slower)}, or "
-    return [
-        f"the energy balance is off by {error:.1%} {balance_scale(measures)}; {first}lower {step}"
-    ]
-
-
-def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> list[str]:
+def _inertia_warning(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> list[str]:
     ratio = measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0)
     if ratio <= LARGEST_KINETIC_PART:
         return []
@@ -255,7 +334,31 @@ def _inertia(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -
     ]
 
 
-def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
+def inertia_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge the kinetic energy over the stroke."""
+    if "kinetic_to_internal_over_tenth_of_stroke" not in summary:
+        return
+    consequence, worst = "inertia is part of forces and shape", None
+    remedy = slowing_entry(scene)
+    if not is_led(scene):
+        consequence = (
+            "inertia is part of the way to the shape, whose pace weight and forces set; the shape "
+            "is judged by whether it is at rest at the end"
+        )
+        remedy, worst = ", ".join(entries_that_slow(scene)), np.inf
+    yield share(
+        "Quasi-static",
+        summary["kinetic_to_internal_over_tenth_of_stroke"],
+        LARGEST_KINETIC_PART,
+        f"over {percent(LONGEST_DYNAMIC_PART)} of the stroke the kinetic energy exceeds "
+        "{} of the internal energy",
+        consequence,
+        remedy,
+        worst,
+    )
+
+
+def _damping_warning(measures: Mapping[str, float], scene: Scene) -> list[str]:
     part = measures["damping_to_external"]
     if part <= LARGEST_DAMPING_PART:
         return []
@@ -292,15 +395,107 @@ def _damping(measures: Mapping[str, float], scene: Scene) -> list[str]:
     ]
 
 
-def _hourglass(measures: Mapping[str, float], scene: Scene) -> list[str]:
-    part = measures["hourglass_to_internal"]
-    if part <= LARGEST_HOURGLASS_PART:
+def damping_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge what damping takes of the external work."""
+    if "damping_to_external" not in summary:
+        return
+    consequence = "the mean forces over the stroke are too high by it" + _of_punch(summary)
+    remedy, worst = f"process.mass_damping, process.damping_average, {slowing_entry(scene)}", None
+    if not is_led(scene):
+        consequence = (
+            "weight and forces work until it has brought sheet and tools to rest; the shape is "
+            "judged by whether it is at rest at the end"
+        )
+        # what falls freely gives all that it does not store to the dampers, whatever they are
+        remedy, worst = "tools.motion.ramp" if has_guided_load(scene) else "", np.inf
+    elif scene.time_is_found:
+        consequence = (
+            "it acts on vibrations alone: the sheet snaps, and what a snap gives off damping "
+            "takes, however slow the process" + _of_punch(summary)
+        )
+        remedy = slowing_entry(scene)
+    yield share(
+        "Damping",
+        summary["damping_to_external"],
+        LARGEST_DAMPING_PART,
+        "damping took {} of the external work",
+        consequence,
+        remedy,
+        worst,
+    )
+
+
+def _of_punch(summary: Mapping[str, Any]) -> str:
+    """Say what damping and inertia take of the largest force of the punch."""
+    loads = summary.get("tool_loads", {}).get(summary.get("punch", ""), {})
+    parts = loads.get("parts_at_maximum")
+    if parts is None:
+        return ""
+    if swings := motion_in_force(parts):
+        return f"; largest force of {summary['punch']}: {swings}"
+    return (
+        f"; of the {parts['force_N']:.3g} N of {summary['punch']} around its maximum damping makes "
+        f"{parts['damping_N']:.2g} N and inertia {parts['inertia_N']:.2g} N"
+    )
+
+
+def motion_in_force(parts: Mapping[str, float]) -> str:
+    """Say where damping and inertia of a force are no parts of it; empty where they are.
+
+    Over a piece of the travel in which the sheet swings, one of them may exceed the force, and
+    others are negative: then nothing is taken *of* the force.
+
+    parts : from :func:`lcmchain.fields.loads.force_parts`.
+    """
+    force, damping, inertia = (parts[f"{name}_N"] + 0.0 for name in ("force", "damping", "inertia"))
+    if max(abs(damping), abs(inertia), abs(damping + inertia)) <= abs(force):
+        return ""
+    return (
+        f"around it the mean of {force:.4g} N is the sum of damping {damping:.3g} N, inertia "
+        f"{inertia:.3g} N and all else {force - damping - inertia:.3g} N: the sheet swings there, "
+        "and the force is not that of a slow process"
+    )
+
+
+# --- rest at the end ------------------------------------------------------------------------------
+
+
+def still_moving_warning(summary: Mapping[str, Any], slowing: str = "process.time") -> list[str]:
+    """Say that the sheet still moves at the end.
+
+    slowing : scene entry that says how slow the process is.
+    """
+    if not summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
         return []
-    edge = 1e3 * scene.stack.shortest_edge * math.sqrt(LARGEST_HOURGLASS_PART / part)
     return [
-        f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
-        f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'
+        f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
+        f"of the internal energy); use a larger {slowing} or process.mass_damping"
     ]
+
+
+def rest_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge whether the sheet is at rest in the last frame of a run that came to its end."""
+    # a stopped run has not come to its end
+    if "kinetic_to_internal_end" in summary and has_ended(summary):
+        yield share(
+            "At rest at the end",
+            summary["kinetic_to_internal_end"],
+            LARGEST_KINETIC_PART_AT_END,
+            "in the last frame the kinetic energy is {} of the internal energy",
+            "the sheet still moves, and its shape is not the final one",
+            f"{slowing_entry(scene)}, process.mass_damping",
+        )
+
+
+def has_ended(summary: Mapping[str, Any]) -> bool:
+    """Tell whether the process was computed to its end, whatever came after."""
+    if summary.get("state", COMPLETE) == COMPLETE:
+        return True
+    end = summary.get("process_time_s", np.inf)
+    return bool(np.isclose(summary.get("time_reached_s", 0.0), end, rtol=1e-9))
+
+
+# --- snaps ----------------------------------------------------------------------------------------
 
 
 def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
@@ -320,19 +515,41 @@ def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
     return found
 
 
-def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
-    """Say where the process is faster than the sheet can follow."""
-    time = led_time(scene)
-    if not is_driven(scene) or scene.time_is_found or time >= needed.least or time == 0.0:
+def snap_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
+    """Judge a sheet that snaps under a tool that is led: doubtful."""
+    loads = summary.get("tool_loads", {})
+    for name in led_tools(scene):
+        if snaps := loads.get(name, {}).get("snaps"):
+            text = (
+                f"the sheet snaps under {name}: {snaps_text(snaps)}. What it does from there on "
+                "may depend on pace and mesh"
+            )
+            yield Verdict("Snaps", DOUBTFUL, text, f"{slowing_entry(scene)}, blank.edge_length")
+
+
+# --- resolution by elements -----------------------------------------------------------------------
+
+
+def _hourglass_warning(measures: Mapping[str, float], scene: Scene) -> list[str]:
+    part = measures["hourglass_to_internal"]
+    if part <= LARGEST_HOURGLASS_PART:
         return []
-    given = f"process.time = {milliseconds(time)} is"
-    if scene.stages:
-        given = (
-            f"the stages in which tools are led take {milliseconds_text(time)} together, which is"
-        )
+    edge = 1e3 * scene.stack.shortest_edge * math.sqrt(LARGEST_HOURGLASS_PART / part)
     return [
-        f"{given} shorter than {PERIODS[0]} periods "
-        f"of the slowest shear vibration of the sheet ({milliseconds_text(needed.period)} each): "
-        "inertia will be part of forces and shape; use "
-        f"{slower_process(scene, needed.least, time)} or more"
+        f"the hourglass energy is {part:.1%} of the internal energy (resolved: below "
+        f'{LARGEST_HOURGLASS_PART:.0%}); use blank.edge_length = "{two_digits(edge)} mm"'
     ]
+
+
+def hourglass_verdict(summary: Mapping[str, Any]) -> Iterator[Verdict]:
+    """Judge the hourglass energy, by which elements tell that they are too coarse."""
+    if "hourglass_to_internal" in summary:
+        yield share(
+            "Resolution by elements",
+            summary["hourglass_to_internal"],
+            LARGEST_HOURGLASS_PART,
+            "the hourglass energy is {} of the internal energy",
+            "the elements are too coarse for the radii of the tools",
+            "blank.edge_length",
+            worst=guards.LARGEST_HOURGLASS_PART,
+        )

@@ -1,16 +1,17 @@
-"""Whether fibres with a lowered modulus strain no more than was allowed, and how low it may be."""
+"""Whether fibres strain by more than they bear, or than was allowed with a lowered modulus."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lcmchain.fields.sheet import fibre_strains
-from lcmchain.quantities.rounded import two_digits_up
+from lcmchain.judgements.grades import GOOD, Verdict, grade_of
+from lcmchain.quantities.rounded import percent, two_digits_up
 from lcmchain.scene import Scene
-from lcmchain.thresholds import LARGEST_FIBRE_STRAIN
+from lcmchain.thresholds import BAD, LARGEST_FIBRE_STRAIN
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,3 +76,18 @@ def _beyond_what_fibres_bear(measures: Mapping[str, Any]) -> list[str]:
         "elements lock; lower the friction or the force that holds it, or use a smaller "
         "blank.edge_length"
     ]
+
+
+def fibre_strain_verdict(sheet: xr.Dataset, scene: Scene) -> Iterator[Verdict]:
+    """Judge the strain of the fibres in the last frame."""
+    if not scene.stack.has_fibres:
+        return
+    largest = float(np.nanmax(fibre_strains(sheet)[:, -1]))
+    grade = grade_of(largest, LARGEST_FIBRE_STRAIN, BAD * LARGEST_FIBRE_STRAIN)
+    limit, breaking = percent(LARGEST_FIBRE_STRAIN), percent(BAD * LARGEST_FIBRE_STRAIN)
+    text = (
+        f"fibres are strained by up to {percent(largest)} (good up to {limit}, bad above "
+        f"{breaking}, where the most brittle ones break: carbon; glass and aramid bear more)"
+    )
+    remedy = "blank.edge_length, contact.friction, tools.motion"
+    yield Verdict("Fibre strain", grade, text, remedy if grade != GOOD else "")
