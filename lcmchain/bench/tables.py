@@ -19,7 +19,7 @@ from lcmchain.bench.operations import count_operations
 from lcmchain.bench.parts import Parts, measure_parts
 from lcmchain.bench.sizes import Plate
 from lcmchain.bench.stacks import StackSpeed, measure_stacks
-from lcmchain.check.effects_of_run import cost_table, measure_effects, record_effect_parts
+from lcmchain.check.effect_cost import cost_table, measure_effects, record_effect_parts
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 

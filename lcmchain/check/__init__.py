@@ -4,7 +4,7 @@
 
     Scene ─▶ large_mesh: the scene itself, or a coarser one in place of a very large mesh
                │
-               ├─▶ tools_at_start: gaps and overlaps      ├─▶ effects_of_run: which, why, how dear
+               ├─▶ tools_at_start: gaps and overlaps      ├─▶ effect_cost: which, why, how dear
                ├─▶ tool_strokes: ways of the tools        ├─▶ expected_cost: steps, time, memory
                ├─▶ judgements: is there time enough       └─▶ remarks: allowed, but hardly meant
                ▼

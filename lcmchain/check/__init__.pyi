@@ -1,4 +1,4 @@
-from .effects_of_run import run_effects
+from .effect_cost import run_effects
 from .expected_cost import Estimate, estimate_run
 from .large_mesh import require_frames_fit
 from .remarks import scene_warnings

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.check.effects_of_run import (
+from lcmchain.check.effect_cost import (
     effect_parts,
     later_stages,
     measurable_effects,

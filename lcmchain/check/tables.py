@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.check.effects_of_run import Effect
+from lcmchain.check.effect_cost import Effect
 from lcmchain.check.expected_cost import Estimate
 from lcmchain.check.large_mesh import BUILDING_BYTES, frame_bytes
 from lcmchain.check.tool_strokes import Closing

@@ -38,7 +38,7 @@ all that it does not have is deleted ([Speed](speed.md#effects)).
 `lcmchain bench --effects` measures the part of a step's time that goes with each effect of the
 hemisphere, in turn on the formed sheet; `lcmchain study effects SCENE` does it for any scene. From
 Python, `lcmchain.effects.switches.switchable_effects(scene)` lists what the other setting would
-change, and `lcmchain.check.effects_of_run.measure_effects(scene)` measures it.
+change, and `lcmchain.check.effect_cost.measure_effects(scene)` measures it.
 
 """
 COLUMNS = ("key", "what it adds", "called for by", "off leaves out", "off", "on")

@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from lcmchain.check.effects_of_run import measure_effects, record_effect_parts
+from lcmchain.check.effect_cost import measure_effects, record_effect_parts
 from lcmchain.coupons.pulled import PULLED, PulledTest
 from lcmchain.coupons.specimen import FRAMES, Recording, record
 from lcmchain.effects.mass_scaling import added_mass

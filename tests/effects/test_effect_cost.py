@@ -12,7 +12,7 @@ from numba import njit, typeof
 from rich.console import Console
 
 from lcmchain.check import check_scene
-from lcmchain.check.effects_of_run import (
+from lcmchain.check.effect_cost import (
     Runner,
     effect_parts,
     measurable_effects,

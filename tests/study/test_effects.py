@@ -6,7 +6,7 @@ import math
 import pytest
 from rich.console import Console
 
-from lcmchain.check.effects_of_run import EffectCost
+from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import switchable_effects
 from lcmchain.errors import InputError
 from lcmchain.study import effects as effects_module

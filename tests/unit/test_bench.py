@@ -10,7 +10,7 @@ from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
 from lcmchain.bench.laws import LAWS, LawSpeed
 from lcmchain.bench.measure import Measurement
 from lcmchain.bench.stacks import StackSpeed
-from lcmchain.check.effects_of_run import EffectCost
+from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.contact_search import find_near_packs
