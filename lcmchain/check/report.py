@@ -94,7 +94,7 @@ class DrapingReport:
         return [*self.first_tables(), *self.further_tables()]
 
 
-def check_draping(
+def _check_draping(
     scene: Scene, blank: BlankMesh, tools: ToolTable, remarks: list[str], picture: Path | None
 ) -> DrapingReport:
     """Drape the blank of a scene, and tell what a run of it will find.
@@ -123,7 +123,7 @@ def check_draping(
     )
 
 
-def draping_preview(
+def _draping_preview(
     scene: Scene, blanks: Sequence[BlankMesh], tools: ToolTable
 ) -> list[tuple[str, str]]:
     """Return what the net says of a scene on any rung; empty where there is nothing to drape.
@@ -286,7 +286,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     noted = mesh.remarks(blanks) + noted
     report: CheckReport | DrapingReport
     if model is None:
-        report = check_draping(scene, blanks[0], tools, noted, picture)
+        report = _check_draping(scene, blanks[0], tools, noted, picture)
     else:
         report = _report(mesh, blanks, model, gaps, noted, picture)
     if picture is not None:
@@ -329,7 +329,7 @@ def _report(
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),
         closing=closing,
-        preview=draping_preview(scene, blanks, model.tools),
+        preview=_draping_preview(scene, blanks, model.tools),
         warnings=[scene.stack.in_own_words(text) for text in found + noted],
         picture=picture,
     )

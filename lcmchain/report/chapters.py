@@ -40,7 +40,7 @@ def stage_chapters(
         name = stage["name"]
         rows = list(_rows(stage, datasets, frames.get(name)))
         rows += [
-            ("resin", stage_in_words(filling["stages"][name]))
+            ("resin", _stage_in_words(filling["stages"][name]))
             for filling in summary.get("infiltration", {}).values()
             if name in filling.get("stages", {})
         ]
@@ -173,7 +173,7 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             + ("not all of it" if last is None else f"all reached after {time_in_words(last)}"),
         )
     for name, stage in report.get("stages", {}).items():
-        yield f"stage {name}", stage_in_words(stage)
+        yield f"stage {name}", _stage_in_words(stage)
     yield "largest pressure", f"{1e-5 * report['pressure_max']:.4g} bar"
     yield (
         "balance of the resin",
@@ -183,7 +183,7 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "files", ", ".join(report["files"].values())
 
 
-def stage_in_words(stage: Mapping[str, float]) -> str:
+def _stage_in_words(stage: Mapping[str, float]) -> str:
     """Say what the resin did in a stage of the process."""
     text = (
         f"{time_in_words(stage['start'])} to {time_in_words(stage['end'])} of the resin, "

@@ -6,7 +6,7 @@
                    │  overrides: --set key=value       ▲
                    │  explain: a wrong entry in words  │  tables: process, output, draping,
                    │  walk: which table stands where   │  infiltration (boundaries, resin,
-                   │                                   │  permeability), mapping_target, structure
+                   │                                   │  permeability), structure
     a table in a file of its own, or the scene of      │
     a result ─▶ single_tables                          │  plies (layup), stages, resin_stages:
                                                        │  what is there when
@@ -34,8 +34,7 @@ from lcmchain.mesh.blank import Blank
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.json_schema import scene_json_schema
-from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.output import Output
+from lcmchain.scene.output import MappingTarget, Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.read import read_scene, scene_from_text

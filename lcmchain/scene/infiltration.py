@@ -85,7 +85,7 @@ class FlowMedium(SceneModel):
     @model_validator(mode="after")
     def _check_layer(self) -> Self:
         if self.over is not None:
-            require_cells(self.over, "over")
+            _require_cells(self.over, "over")
         if self.permeability.k3 is not None:
             raise wrong(
                 "has no meaning: the layer does not hold resin back through its thickness; k3 of "
@@ -101,7 +101,7 @@ class FlowMedium(SceneModel):
         return f"{1e3 * self.thickness:.3g} mm of {self.permeability.k1:.3g} m² on {where}"
 
 
-def require_cells(where: Where, field: str | None = None) -> None:
+def _require_cells(where: Where, field: str | None = None) -> None:
     """Refuse a place of which it is not clear which cells it takes.
 
     field : of the table that the place stands in, None where it is the table.
@@ -176,7 +176,7 @@ class Region(NamedPlace):
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:
-        require_cells(self)
+        _require_cells(self)
         changes = self.thickness, self.fibre_volume_fraction, self.own_permeability
         if changes == (None, None, None) and self.permeability_factor == 1.0:
             raise wrong(

@@ -122,7 +122,6 @@ def _text(value: Any) -> str:
 
 PAPER = "Schäfer, Mitsch, Kärger"
 
-
 _STIFF_FIBRES = _assumed(f"high enough that fibres hardly stretch, {PAPER}, section 3.2")
 _SOFT_SHEAR = _assumed(f"low, to leave the bending alone, {PAPER}, section 3.2")
 _SOFT_BENDING = _assumed(f"low, of little influence in thin sheets, {PAPER}, section 3.3")

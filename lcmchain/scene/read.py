@@ -101,7 +101,7 @@ def scene_from_text(
     if overrides:
         apply_overrides(data, overrides)
         require_within_limits(data, path)
-    expanded, of_files = with_tables(data, directory)
+    expanded, of_files = _with_tables(data, directory)
     try:
         context = FROM_FILE | {"directory": directory}
         scene = Scene.model_validate(copy.deepcopy(expanded), context=context)
@@ -160,7 +160,7 @@ def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
 
 def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
     """Refuse a document that is nested or filled beyond any use."""
-    problem = beyond_limits(data)
+    problem = _beyond_limits(data)
     if problem is not None:
         raise input_error([problem], path)
 
@@ -221,7 +221,7 @@ def _kind_of(path: Path) -> str:
 # --- lists in files of their own ------------------------------------------------------------------
 
 
-def with_tables(data: dict[str, Any], directory: Path) -> tuple[dict[str, Any], list[str]]:
+def _with_tables(data: dict[str, Any], directory: Path) -> tuple[dict[str, Any], list[str]]:
     """Return a copy of a document with the contents of these files, and these as overrides.
 
     A file that is not there is left out: who reads the scene tells of all files that are missing.
@@ -283,7 +283,7 @@ LONGEST_TEXT = 200_000
 LARGEST_WHOLE_NUMBER = 2**63
 
 
-def beyond_limits(data: dict[str, Any]) -> Problem | None:
+def _beyond_limits(data: dict[str, Any]) -> Problem | None:
     """Return the first entry of a parsed document that is nested too deeply or far too long."""
     waiting: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
     while waiting:

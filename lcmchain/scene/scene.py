@@ -33,8 +33,7 @@ from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
 from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of, names_two_families
-from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output, Unit
+from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, MappingTarget, Output, Unit
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.plies import (
     Ply,

@@ -39,10 +39,10 @@ def read_table(
     path = Path(path)
     if path.is_dir():
         raise InputError("is a folder; name the file of the case in it", file=path)
-    return table_from_text(model, stage, read_text(path), path, overrides)
+    return _table_from_text(model, stage, read_text(path), path, overrides)
 
 
-def table_from_text(
+def _table_from_text(
     model: type[Table],
     stage: str,
     text: str,
@@ -80,7 +80,7 @@ def infiltration_from_text(
     text: str, path: Path | None = None, overrides: Sequence[str] = ()
 ) -> Infiltration:
     """Validate the text of the file of an infiltration."""
-    return table_from_text(Infiltration, "infiltration", text, path, overrides)
+    return _table_from_text(Infiltration, "infiltration", text, path, overrides)
 
 
 def is_scene_file(path: str | Path) -> bool:
@@ -105,7 +105,7 @@ def structure_from_text(
     text: str, path: Path | None = None, overrides: Sequence[str] = ()
 ) -> Structure:
     """Validate the text of the file of a structural analysis."""
-    return table_from_text(Structure, "structure", text, path, overrides)
+    return _table_from_text(Structure, "structure", text, path, overrides)
 
 
 # --- tables of the scene that a result holds ------------------------------------------------------

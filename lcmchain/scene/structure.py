@@ -40,8 +40,6 @@ MOST_CONDITIONS = 200
 _Component = Literal["x", "y", "z", "rx", "ry", "rz"]
 
 _POISSON = Range(0.0, 1.0, open_ends=(1.0,))
-
-
 _OF_RESIN = Range(0.0, 0.5, open_ends=(0.5,))
 
 

@@ -47,7 +47,7 @@ def rows(study: AccuracyStudy) -> Iterator[list[str]]:
     yield [*_head(study.reference), *[REFERENCE for _ in study.quantities]]
 
 
-def order_rows(study: AccuracyStudy) -> Iterator[list[str]]:
+def _order_rows(study: AccuracyStudy) -> Iterator[list[str]]:
     """Yield quantity, observed order, and how far the scene's mesh is from the limit by it."""
     scene = next((s for s in study.settings if s.variant.name == study.as_it_is), None)
     for name in study.quantities:
@@ -86,7 +86,7 @@ def order_table(study: AccuracyStudy) -> Table:
     """Return the orders of convergence for the terminal."""
     names = ("quantity", "order", "error of the scene's mesh")
     table = plain_table("Convergence over the edge length", *names)
-    for cells in order_rows(study):
+    for cells in _order_rows(study):
         table.add_row(*cells)
     return table
 
@@ -101,12 +101,12 @@ def markdown(study: AccuracyStudy) -> str:
     lines += [f"| {' | '.join(cells)} |" for cells in rows(study)]
     if study.orders:
         lines += ["", "| | order over the three finest meshes | error of the scene's mesh by it |"]
-        lines += ["|---|---:|---:|", *(f"| {' | '.join(cells)} |" for cells in order_rows(study))]
+        lines += ["|---|---:|---:|", *(f"| {' | '.join(cells)} |" for cells in _order_rows(study))]
     lines += ["", *(f"- {text}" for text in (*study.notes, *failures(study)))]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def write_csv(path: Path, study: AccuracyStudy) -> None:
+def _write_csv(path: Path, study: AccuracyStudy) -> None:
     """Write a row per setting, with typical, high (95 %) and largest error in SI or as parts."""
     kinds = ("typical", "high", "largest")
     errors = [f"{q}_{kind}" for q in study.quantities for kind in kinds]
@@ -131,7 +131,7 @@ def write_csv(path: Path, study: AccuracyStudy) -> None:
             )  # fmt: skip
 
 
-def write_study_netcdf(path: Path, study: AccuracyStudy) -> None:
+def _write_study_netcdf(path: Path, study: AccuracyStudy) -> None:
     """Write times and errors over settings and quantities."""
     everything = (*study.settings, study.reference)
     kinds = ("typical", "high", "largest")
@@ -202,7 +202,9 @@ MARKERS = "osD^vP*Xph"
 LABEL_WIDTH, LABEL_HEIGHT = 55.0, 9.0
 
 
-def draw_chart(path: Path | str, study: AccuracyStudy, quantities: list[str] | None = None) -> None:
+def _draw_chart(
+    path: Path | str, study: AccuracyStudy, quantities: list[str] | None = None
+) -> None:
     """Draw a panel per quantity: typical error over solver time, both logarithmic.
 
     Parameters
@@ -326,7 +328,7 @@ def write_page(path: Path, study: AccuracyStudy, chart: Path) -> None:
         reference=study.reference.variant.name,
         headings=headings(study),
         rows=list(rows(study)),
-        orders=list(order_rows(study)) if study.orders else [],
+        orders=list(_order_rows(study)) if study.orders else [],
         notes=study.notes,
         failures=failures(study),
         chart="data:image/png;base64," + base64.b64encode(chart.read_bytes()).decode(),
@@ -344,10 +346,10 @@ def write_accuracy(folder: Path, study: AccuracyStudy) -> list[Path]:
     files = [folder / f"accuracy.{suffix}" for suffix in ("csv", "nc", "md", "png")]
     files.append(folder / "report.html")
     table, data, text, chart, page = files
-    write_csv(table, study)
-    write_study_netcdf(data, study)
+    _write_csv(table, study)
+    _write_study_netcdf(data, study)
     with replacing(text) as temporary:
         temporary.write_text(markdown(study), encoding="utf-8")
-    draw_chart(chart, study)
+    _draw_chart(chart, study)
     write_page(page, study, chart)
     return files
