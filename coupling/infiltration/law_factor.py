@@ -20,7 +20,7 @@ from lcmchain.coupling.solids.stack_compaction import StackCompaction
 from lcmchain.errors import SimulationError
 from lcmchain.mapping.plies import SHARE
 from lcmchain.scene.permeability import Permeability
-from lcmchain.scene.single_tables import formed_permeability
+from lcmchain.scene.reading.single_tables import formed_permeability
 
 
 class LawFactor:

@@ -13,7 +13,7 @@ from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import FROM_FILE, Pressure, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.boundaries import Closure
-from lcmchain.scene.read import parse_toml, read_text
+from lcmchain.scene.reading.read import parse_toml, read_text
 
 
 class InfiltrationPart(SceneModel):

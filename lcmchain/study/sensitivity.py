@@ -37,7 +37,7 @@ TABLES = ("material.", "materials.", "contact.friction", "interfaces.")
 # a unit may begin with 1, as in "200 1/s"
 _NUMBERS = re.compile(rf"({NUMBER}(?:[\s,]+{NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
-#: Entries that a default is a copy of (:mod:`lcmchain.scene.read`).
+#: Entries that a default is a copy of (:mod:`lcmchain.scene.reading.read`).
 _COPY = re.compile(r" \((?:contact\.friction|process\.time)\)$")
 
 

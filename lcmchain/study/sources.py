@@ -19,8 +19,8 @@ from lcmchain.fingerprint import run_fingerprint
 from lcmchain.model import build_model
 from lcmchain.quantities.units import QuantityError, parse_quantity
 from lcmchain.scene import Scene, on_rung, scene_from_text
-from lcmchain.scene.overrides import parse_value
-from lcmchain.scene.read import read_text
+from lcmchain.scene.reading.overrides import parse_value
+from lcmchain.scene.reading.read import read_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.study.outcome import Outcome, outcome_of, outcome_of_sheet
 from lcmchain.study.source import Progress, Source, Variant, require_free

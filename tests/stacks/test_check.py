@@ -15,7 +15,7 @@ from lcmchain.errors import InputError
 from lcmchain.judgements.quasi_static import process_time_needed
 from lcmchain.judgements.verdicts import field_verdicts
 from lcmchain.model import build_model
-from lcmchain.scene.single_tables import (
+from lcmchain.scene.reading.single_tables import (
     formed_material,
     formed_permeability,
     formed_plies,

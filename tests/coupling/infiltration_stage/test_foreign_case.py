@@ -14,7 +14,7 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill
 from lcmchain.coupling.infiltration.unformed_part import unformed_part
 from lcmchain.errors import InputError
-from lcmchain.scene.single_tables import infiltration_from_text
+from lcmchain.scene.reading.single_tables import infiltration_from_text
 
 # As RTMsim's own example: a comment behind every line, the mesh in a folder beside.
 INPUT = """\

@@ -17,7 +17,7 @@ from lcmchain.coupling.infiltration.unformed_part import unformed_part
 from lcmchain.errors import InputError
 from lcmchain.fmu.infiltration_build import build_infiltration_fmu
 from lcmchain.report.chapters import filling_in_words
-from lcmchain.scene.single_tables import infiltration_from_text
+from lcmchain.scene.reading.single_tables import infiltration_from_text
 
 from .conftest import GATE, HEAD, VENT, strip
 

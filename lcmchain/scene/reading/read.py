@@ -20,11 +20,11 @@ from pydantic import BaseModel, ValidationError
 
 from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans, OrFile
-from lcmchain.scene.explain import MOST_PROBLEMS, Problem, key_text, problems_of
-from lcmchain.scene.overrides import apply_overrides
 from lcmchain.scene.presets import PRESETS
+from lcmchain.scene.reading.explain import MOST_PROBLEMS, Problem, key_text, problems_of
+from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.walk import Location, dotted, field_at, named_files
 from lcmchain.scene.scene import Scene, SceneSource
-from lcmchain.scene.walk import Location, dotted, field_at, named_files
 from lcmchain.text_files import decode_text
 from lcmchain.tools.motion import GuidedMotion
 
@@ -43,7 +43,7 @@ def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     ----------
     path : TOML file; file names in it are relative to its folder.
     overrides : ``key=value`` texts that replace or add entries, see
-        :func:`lcmchain.scene.overrides.apply_overrides`.
+        :func:`lcmchain.scene.reading.overrides.apply_overrides`.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from lcmchain.errors import shortened
-from lcmchain.scene.walk import (
+from lcmchain.scene.reading.walk import (
     annotation_at,
     choices_of,
     field_at,

@@ -12,10 +12,16 @@ from pydantic import ValidationError
 from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import FROM_FILE
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.explain import MOST_PROBLEMS, problems_of
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.overrides import apply_overrides
-from lcmchain.scene.read import OVERRIDE, input_error, parse_toml, read_text, require_within_limits
+from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
+from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.read import (
+    OVERRIDE,
+    input_error,
+    parse_toml,
+    read_text,
+    require_within_limits,
+)
 from lcmchain.scene.scene import Scene
 from lcmchain.scene.structure import Structure
 
