@@ -29,7 +29,7 @@ from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.fmu.terminals import document, terminals_of
 from lcmchain.scene import Scene, read_scene
-from lcmchain.scene.found_time import require_time_for_fluid
+from lcmchain.scene.process import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
 
 # Exporters whose binaries turn the C calls of a master into Python calls.

@@ -48,7 +48,7 @@ from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.scene import read_scene
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.infiltration_file import read_infiltration
+from lcmchain.scene.reading.single_tables import read_infiltration
 
 #: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration_build`.
 PART_FOLDER = "part"

@@ -27,7 +27,7 @@ from lcmchain.mapping.patches import Patches
 from lcmchain.mapping.structure.stage import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.infiltration_file import is_scene_file, read_infiltration
+from lcmchain.scene.reading.single_tables import is_scene_file, read_infiltration
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from lcmchain.errors import InputError
 from lcmchain.fmu.variables import UNITS, Kind, Variable, quoted
 from lcmchain.quantities.entry_types import Number, Quantity
 from lcmchain.scene import Scene
-from lcmchain.scene.overrides import _steps
+from lcmchain.scene.reading.overrides import _steps
 
 #: Tables that decide the mesh or the files.
 OF_THE_BUILD = (

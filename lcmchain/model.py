@@ -39,8 +39,8 @@ from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import by_node
 from lcmchain.scene import Contact, Element, Process
-from lcmchain.scene.found_time import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.plies import RESERVED_NAMES
+from lcmchain.scene.process import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.stages import StagePlan, number_at
 from lcmchain.stages import StageTables, absent_nodes, stage_tables
 from lcmchain.tools.initial_overlap import without_initial_overlap

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_effects
-from lcmchain.check.effects_of_run import later_stages
-from lcmchain.check.machine_speed import record_speed
+from lcmchain.check.effect_cost import later_stages
+from lcmchain.check.expected_cost import record_speed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.compilation.threads import use_threads
 from lcmchain.compile_beside import Helper, compile_loops

@@ -14,23 +14,25 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.check import run_effects
-from lcmchain.check.fibre_strain import fibre_strain_measures, fibre_strain_warnings
-from lcmchain.check.quasi_static import (
+from lcmchain.check.tool_strokes import tools_never_touched
+from lcmchain.effects.mass_scaling import added_mass
+from lcmchain.judgements.contact import penetration_warnings
+from lcmchain.judgements.fibre_strain import fibre_strain_measures, fibre_strain_warnings
+from lcmchain.judgements.quasi_static import (
     balance_warning,
     idle_energy,
     process_time_needed,
     quasi_static_measures,
     quasi_static_warnings,
     snap_warnings,
+    still_moving_warning,
 )
-from lcmchain.check.tools_without_touch import tools_never_touched
-from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
 from lcmchain.scene.pace import slowing_entry
 from lcmchain.solver.remedies import stiffer_contact
 from lcmchain.state import HALVINGS, SHEET_TIME, State
-from lcmchain.thresholds import LARGEST_KINETIC_PART_AT_END, LARGEST_PENETRATION, TOUCHED_PART
+from lcmchain.thresholds import LARGEST_PENETRATION, TOUCHED_PART
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -145,7 +147,8 @@ def run_summary(
         *tools_never_touched(model, state, snapshots),
         *_field_warnings(datasets, model),
         *balance_warning(summary, scene),
-        *run_warnings(summary, scene.stack.least_thickness, slowing_entry(scene)),
+        *still_moving_warning(summary, slowing_entry(scene)),
+        *penetration_warnings(summary, scene.stack.least_thickness),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
         *snap_warnings(summary.get("tool_loads", {}), scene),
@@ -248,23 +251,3 @@ def _balance_scale(energies: Sequence[Mapping[str, float]], internal: float, idl
         if name != "balance_error"
     )
     return largest if largest > idle else 0.0
-
-
-def run_warnings(summary: Mapping, thickness: float, slowing: str = "process.time") -> list[str]:
-    """Say in words where the numbers of a summary make its result questionable.
-
-    thickness : of the fabric [m]. slowing : scene entry that says how slow the process is.
-    """
-    found = []
-    if summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
-        found.append(
-            f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
-            f"of the internal energy); use a larger {slowing} or process.mass_damping"
-        )
-    for tool, depth in summary["penetration_max_m"].items():
-        if depth > LARGEST_PENETRATION * thickness:
-            found.append(
-                f"nodes reached {1e3 * depth:.2f} mm into {tool}; set "
-                f"{summary.get('contact_penalty_needed', 'a larger contact.penalty')}"
-            )
-    return found

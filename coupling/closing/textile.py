@@ -14,7 +14,7 @@ from lcmchain.mapping.plies import SHARE
 from lcmchain.materials.law import Material, couples_shear
 from lcmchain.materials.pressure_table import PressureTable
 from lcmchain.materials.shear_compaction import coupling_of, free_stretch
-from lcmchain.scene.origin import formed_material, formed_plies
+from lcmchain.scene.reading.single_tables import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.
 WHOLE = 1.0 - 1e-9

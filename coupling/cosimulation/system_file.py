@@ -30,10 +30,10 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.explain import MOST_PROBLEMS, problems_of
-from lcmchain.scene.overrides import apply_overrides
-from lcmchain.scene.read import input_error, parse_toml, read_text, require_within_limits
-from lcmchain.scene.walk import documents_of
+from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
+from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
+from lcmchain.scene.reading.walk import documents_of
 
 SUFFIX = ".toml"
 

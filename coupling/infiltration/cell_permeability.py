@@ -19,8 +19,8 @@ from lcmchain.coupling.permeability import (
 from lcmchain.coupling.solids.stack_compaction import StackCompaction
 from lcmchain.errors import InputError, SimulationError, first_few
 from lcmchain.mapping.plies import SHARE
-from lcmchain.scene.origin import formed_permeability
 from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.reading.single_tables import formed_permeability
 
 
 def require_permeable(part: FormedPart) -> None:

@@ -13,6 +13,7 @@ from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.formed_part import UNFORMED
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.report.animation import DPI, DURATION, HEIGHT, LEAST, WIDTH, write_film
+from lcmchain.report.drawn_tools import DepthBuffer, divided_segments
 from lcmchain.report.renderer import (
     axes_at,
     draw_facets,
@@ -22,7 +23,6 @@ from lcmchain.report.renderer import (
     label_axes,
 )
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
-from lcmchain.report.transparent import DepthBuffer, divided_segments
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,

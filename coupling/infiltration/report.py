@@ -14,7 +14,7 @@ from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.flow.time_step import share_in_words
 from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.mesh.places import place_text
-from lcmchain.report.fillings import filling_in_words, time_in_words
+from lcmchain.report.chapters import filling_in_words, time_in_words
 
 #: Dry spots that are told one by one, the largest first.
 MOST_SPOTS = 20

@@ -12,8 +12,8 @@ from lcmchain.coupling.precice_adapter.adapter import Read, Write
 from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import FROM_FILE, Pressure, wrong
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.closure import Closure
-from lcmchain.scene.read import parse_toml, read_text
+from lcmchain.scene.boundaries import Closure
+from lcmchain.scene.reading.read import parse_toml, read_text
 
 
 class InfiltrationPart(SceneModel):

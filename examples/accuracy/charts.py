@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lcmchain.study import AccuracyStudy, Workers, read_source, study_accuracy
-from lcmchain.study.files import write_accuracy
+from lcmchain.study.accuracy_files import write_accuracy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from with_time import entries_with_time

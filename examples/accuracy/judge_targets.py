@@ -28,16 +28,14 @@ import numpy as np
 from lcmchain.check.expected_cost import estimate_run
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.study.choice import Choice, mm
+from lcmchain.study.choice import Choice, Wish, mm, read_wish
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.rehearsal import Rehearsal
-from lcmchain.study.runs import Study, Workers
-from lcmchain.study.scene_text import SceneText
+from lcmchain.study.runs import Rehearsal, Study, Workers
+from lcmchain.study.source import Variant
+from lcmchain.study.sources import SceneText
 from lcmchain.study.step_settings import AS_IT_IS, StepSettings
-from lcmchain.study.variant import Variant
-from lcmchain.study.wish import Wish, read_wish
 
 #: Counted time of an element of the solid-shell and of a triangle in a step, of a step beside them,
 #: and of a net that is laid [s]: about those of one core.

@@ -15,13 +15,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from lcmchain.study.choice import mm
+from lcmchain.study.choice import mm, read_wish
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.runs import Study, Workers
-from lcmchain.study.scene_text import SceneText
-from lcmchain.study.variant import Variant
-from lcmchain.study.wish import read_wish
+from lcmchain.study.source import Variant
+from lcmchain.study.sources import SceneText
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from with_time import entries_with_time

@@ -34,7 +34,7 @@ from lcmchain.fields.measures import (
     symmetric_mean,
 )
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
-from lcmchain.report.comparison import draw_comparison
+from lcmchain.report.pictures import draw_comparison
 from lcmchain.report.shown import SHOWN
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

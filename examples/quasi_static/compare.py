@@ -115,8 +115,8 @@ def result(case: str, slower: float, out: Path) -> dict[str, Any]:
 
 def not_good(done: Any, scene: Any) -> list[str]:
     """Return the verdicts of a run that are not good, in words."""
-    from lcmchain.report.grades import GOOD
-    from lcmchain.report.verdicts import verdicts
+    from lcmchain.judgements.grades import GOOD
+    from lcmchain.judgements.verdicts import verdicts
 
     found = verdicts(done.summary, scene, done.datasets)
     return [f"{verdict.check} ({verdict.grade})" for verdict in found if verdict.grade != GOOD]

@@ -1,4 +1,15 @@
-"""What a scene will simulate and why, what it costs, and whether it can start."""
+"""What a scene will simulate and why, what it costs, and whether it can start.
+
+::
+
+    Scene ─▶ large_mesh: the scene itself, or a coarser one in place of a very large mesh
+               │
+               ├─▶ tools_at_start: gaps and overlaps      ├─▶ effect_cost: which, why, how dear
+               ├─▶ tool_strokes: ways of the tools        ├─▶ expected_cost: steps, time, memory
+               ├─▶ judgements: is there time enough       └─▶ remarks: allowed, but hardly meant
+               ▼
+             report: CheckReport ─▶ tables ─▶ terminal
+"""
 
 import lazy_loader
 

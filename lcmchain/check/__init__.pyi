@@ -1,8 +1,8 @@
-from .effects_of_run import run_effects
+from .effect_cost import run_effects
 from .expected_cost import Estimate, estimate_run
+from .large_mesh import require_frames_fit
 from .remarks import scene_warnings
 from .report import CheckReport, check_scene, draw_start
-from .saved_frames import require_frames_fit
 from .tools_at_start import InitialGap, initial_gaps, require_no_initial_overlap
 
 __all__ = [

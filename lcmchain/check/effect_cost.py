@@ -1,10 +1,10 @@
-"""What an effect costs: the part of a step's time that goes when it is taken out of a scene.
+"""The effects of a run, each with its reason, and what one costs.
 
-A part is measured on the model of a scene itself: formed to a given time, it makes the same steps
-with the effect and without it in turn, in compiled code of its own for each; contact is left out by
-looking for no node near a tool. Parts are kept per machine beside its speed, in the user's cache
-folder, so that a check can tell them at no cost. They do not add up to one: what effects share is
-nobody's.
+What an effect costs is the part of a step's time that goes when it is taken out of a scene. It is
+measured on the model of a scene itself: formed to a given time, it makes the same steps with the
+effect and without it in turn, in compiled code of its own for each; contact is left out by looking
+for no node near a tool. Parts are kept per machine beside its speed, in the user's cache folder, so
+that a check can tell them at no cost. They do not add up to one: what effects share is nobody's.
 """
 
 from __future__ import annotations
@@ -16,14 +16,79 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.check.machine_speed import keep_numbers, kept_numbers, speed_key
+from lcmchain.check.expected_cost import keep_numbers, kept_numbers, speed_key
 from lcmchain.compilation.threads import thread_count, use_threads
-from lcmchain.effects.audit import switches
-from lcmchain.effects.switches import Switchable, switchable_effects, with_effect
+from lcmchain.effects.audit import effects_of, switches
+from lcmchain.effects.effect import Effect
+from lcmchain.effects.switches import Switchable, settings_of, switchable_effects, with_effect
 from lcmchain.model import Model
-from lcmchain.scene import Scene
+from lcmchain.scene import Infiltration, Scene, Structure
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.state import State
+
+
+def run_effects(scene: Scene, model: Model) -> list[Effect]:
+    """Return the effects of a scene's model and its later stages, each with the reason."""
+    settings = settings_of(scene)
+    of_model = [
+        effect._replace(reason=f'effects.{effect.key} = "{settings[effect.key]}"; {effect.reason}')
+        if effect.key in settings
+        else effect
+        for effect in effects_of(model)
+    ]
+    return [*of_model, *later_stages(scene)]
+
+
+def later_stages(scene: Scene) -> list[Effect]:
+    """Return the stages of a scene that follow forming, as effects."""
+    found = [
+        Effect(
+            f"mapping to {target.name}", True, f"{target.kind} mesh {target.mesh}, {target.method}"
+        )
+        for target in scene.mapping
+    ]
+    if not found:
+        found.append(Effect("mapping", False, "no [[mapping]] entry"))
+    found += [
+        Effect(f"structural analysis of {target.name}", True, _structure_text(target.structure))
+        for target in scene.mapping
+        if target.structure is not None
+    ]
+    for name, (case, _) in scene.infiltrations.items():
+        found.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
+    law = scene.permeability.law if scene.permeability else "no [permeability] entry"
+    return [*found, Effect("permeability", scene.permeability is not None, law)]
+
+
+def _infiltration_text(case: Infiltration) -> str:
+    """Say what flows from where to where, and what else is simulated."""
+    parts = [
+        *(f"gate {gate.name}: {gate.in_words}" for gate in case.gates),
+        *(f"vent {vent.name}: {vent.in_words}" for vent in case.vents),
+        *(f"region {region.name}: {region.in_words}" for region in case.regions),
+        *(f"race track {t.name}: {1e3 * t.width:.3g} mm, {t.in_words}" for t in case.race_tracks),
+        *(f"wetted {place.name}: {place.in_words}" for place in case.wetted),
+        *([f"resin film: {case.film.in_words}"] if case.film is not None else []),
+        *([f"flow medium: {case.flow_medium.in_words}"] if case.flow_medium is not None else []),
+        *([case.closure.in_words] if case.closure is not None else []),
+        *([case.with_forming.in_words] if case.with_forming is not None else []),
+        *(["gravity"] if case.gravity is not None else []),
+        *(["trapped air is compressed"] if case.trapped_air else []),
+        f"at most {case.time:g} s",
+    ]
+    return "; ".join(parts)
+
+
+def _structure_text(structure: Structure) -> str:
+    """Say what is analysed."""
+    asked = [*(["static loads"] if structure.loads else [])]
+    if structure.frequencies:
+        asked.append(f"{structure.frequencies} eigenfrequencies")
+    return " and ".join(asked) or "the deck alone"
+
+
+# --- what an effect costs -------------------------------------------------------------------------
+
 
 FILE = "effects.json"
 # Steps are timed in turn with and without an effect; other work only ever adds to a time, so that

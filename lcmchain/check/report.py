@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.check.draping_preview import DrapingReport, check_draping, draping_preview
-from lcmchain.check.effect_cost import effect_parts, measurable_effects
-from lcmchain.check.effects_of_run import run_effects
+from lcmchain.check.effect_cost import (
+    effect_parts,
+    later_stages,
+    measurable_effects,
+    run_effects,
+)
 from lcmchain.check.expected_cost import Estimate, estimate_run
-from lcmchain.check.large_mesh import CheckedMesh, checked_mesh
-from lcmchain.check.quasi_static import ProcessTime, process_time_needed, process_time_remarks
+from lcmchain.check.large_mesh import CheckedMesh, checked_mesh, require_frames_fit
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.check.saved_frames import require_frames_fit
 from lcmchain.check.tables import (
     closing_table,
     cost_table,
@@ -30,24 +32,29 @@ from lcmchain.check.tables import (
     stage_table,
     surface_table,
 )
+from lcmchain.check.tool_strokes import (
+    Closing,
+    closing_tools,
+    require_space,
+    tools_out_of_reach,
+    tools_that_close,
+)
 from lcmchain.check.tools_at_start import (
     InitialGap,
     gaps_of_stack,
     overlapping,
     require_gaps,
 )
-from lcmchain.check.tools_closing import (
-    Closing,
-    closing_tools,
-    require_space,
-    tools_that_close,
-)
-from lcmchain.check.tools_without_touch import tools_out_of_reach
+from lcmchain.draping import Draped, drape, is_drapable
+from lcmchain.draping.joints import joints_of
+from lcmchain.draping.result import draping_effect, locking_warnings
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
+from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
-from lcmchain.report.captions import START_PICTURE
+from lcmchain.quantities.places import millimetres
+from lcmchain.report.shown import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
 
@@ -55,6 +62,133 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lcmchain.report.start import ShownGrip
+
+
+# --- what the net of kinematic draping says, in milliseconds --------------------------------------
+
+
+#: Rows that differ between plies that are draped alike.
+SEED, LAID_IN = "seed", "laid in"
+
+
+@dataclass(frozen=True)
+class DrapingReport:
+    """Everything that ``lcmchain check`` shows of a scene that is draped."""
+
+    scene: Scene
+    effects: list[Effect]
+    preview: list[tuple[str, str]]
+    warnings: list[str]
+    picture: Path | None
+
+    def first_tables(self) -> list[Table]:
+        """Lay out for a terminal what decides whether to start."""
+        return preview_table(self.preview)
+
+    def further_tables(self) -> list[Table]:
+        """Lay out all entries with what they rest on, and all effects with their reason."""
+        return [*scene_tables(self.scene), effect_table(self.effects)]
+
+    def tables(self) -> list[Table]:
+        """Lay the whole report out as tables for a terminal."""
+        return [*self.first_tables(), *self.further_tables()]
+
+
+def _check_draping(
+    scene: Scene, blank: BlankMesh, tools: ToolTable, remarks: list[str], picture: Path | None
+) -> DrapingReport:
+    """Drape the blank of a scene, and tell what a run of it will find.
+
+    Parameters
+    ----------
+    blank, tools : of the scene. remarks : found while they were built.
+    picture : of the start, that the report names; None for none.
+
+    Raises
+    ------
+    InputError : there is no surface, or the seed has no place on it.
+    """
+    draped = drape(scene, tools=tools, blank=blank)
+    missing = draped.missing()
+    return DrapingReport(
+        scene=scene,
+        effects=[draping_effect(draped), *later_stages(scene)],
+        preview=list(_rows(draped)),
+        warnings=[
+            *scene_warnings(scene),
+            *remarks,
+            *(locking_warnings(draped) if missing is None else [f"a run will fail: {missing}"]),
+        ],
+        picture=picture,
+    )
+
+
+def _draping_preview(
+    scene: Scene, blanks: Sequence[BlankMesh], tools: ToolTable
+) -> list[tuple[str, str]]:
+    """Return what the net says of a scene on any rung; empty where there is nothing to drape.
+
+    Of a stack every ply is draped as if it were alone; what is the same of plies is said once.
+
+    Raises
+    ------
+    InputError : the scene's own ``[draping]`` cannot be followed.
+    """
+    if not is_drapable(scene, tools):
+        return []
+    stack = scene.stack
+    with_fibres = [(p, b) for p, b in zip(stack, blanks, strict=True) if p.material.has_fibres]
+    drapable = [(p, b) for p, b in with_fibres if p.material.is_biaxial]
+    if with_fibres and not drapable:
+        return [("no net", "a net is laid for fibres along both axes of a ply, 0 and 90 deg")]
+    each = [(ply.name, _preview_of_one(scene.alone(ply), b, tools)) for ply, b in drapable]
+    if len(stack) == 1:
+        return [row for _, rows in each for row in rows]
+    alike: dict[tuple[str, str], list[str]] = {}
+    for name, rows in each:
+        for row in rows:
+            if row[0] not in (SEED, LAID_IN):
+                alike.setdefault(row, []).append(name)
+    return [
+        (what if len(names) == len(each) else f"{', '.join(names)}: {what}", value)
+        for (what, value), names in sorted(alike.items(), key=lambda row: row[0][0], reverse=True)
+    ]
+
+
+def _preview_of_one(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tuple[str, str]]:
+    try:
+        return list(_rows(drape(scene, tools=tools, blank=blank)))
+    except InputError as error:
+        if scene.draping.model_fields_set:
+            raise
+        return [("no net", f"{error}")]
+
+
+def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
+    yield "surface", draped.surface
+    seed = [*draped.seed, draped.mesh.node_positions[0, 2]]
+    yield SEED, f"{millimetres(seed, 1)} of the flat blank, at {millimetres(draped.place, 1)}"
+    missing, unplaced = draped.missing(), draped.unplaced_part()
+    of_laid = "" if missing is None else f", of the {1.0 - unplaced:.1%} of the area that it covers"
+    if unplaced < 1.0:
+        angle, place, flat = draped.largest_shear()
+        yield (
+            "largest shear angle",
+            f"{math.degrees(angle):.1f} deg at {millimetres(place, 1)}, "
+            f"{millimetres(flat, 1)} of the flat blank{of_laid}",
+        )
+    # what has no place counts as locked, for a run; it is not sheared
+    locking = math.degrees(draped.locking_angle)
+    part = max(draped.locked_part() - unplaced, 0.0)
+    yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part > 1e-12 else "nothing"
+    for joint in joints_of(draped):
+        yield f"joint of {joint.below} and {joint.above}", joint.in_words()
+    if missing is not None:
+        yield "not laid", f"{unplaced:.1%} of the area: {missing}"
+    yield LAID_IN, f"{1e3 * draped.wall_s:.0f} ms"
+
+
+# --- the check ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -152,7 +286,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
     noted = mesh.remarks(blanks) + noted
     report: CheckReport | DrapingReport
     if model is None:
-        report = check_draping(scene, blanks[0], tools, noted, picture)
+        report = _check_draping(scene, blanks[0], tools, noted, picture)
     else:
         report = _report(mesh, blanks, model, gaps, noted, picture)
     if picture is not None:
@@ -195,7 +329,7 @@ def _report(
         gaps=gaps,
         initial_overlap=model.tools.initial_overlap.tolist(),
         closing=closing,
-        preview=draping_preview(scene, blanks, model.tools),
+        preview=_draping_preview(scene, blanks, model.tools),
         warnings=[scene.stack.in_own_words(text) for text in found + noted],
         picture=picture,
     )

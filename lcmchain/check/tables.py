@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.check.effects_of_run import Effect
+from lcmchain.check.effect_cost import Effect
 from lcmchain.check.expected_cost import Estimate
-from lcmchain.check.large_mesh import BUILDING_BYTES
-from lcmchain.check.quasi_static import PERIODS, ProcessTime
-from lcmchain.check.saved_frames import frame_bytes
+from lcmchain.check.large_mesh import BUILDING_BYTES, frame_bytes
+from lcmchain.check.tool_strokes import Closing
 from lcmchain.check.tools_at_start import InitialGap
-from lcmchain.check.tools_closing import Closing
+from lcmchain.judgements.quasi_static import PERIODS, ProcessTime
 from lcmchain.quantities.durations import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
-from lcmchain.scene.fabrics import Basis, preset_basis
+from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap

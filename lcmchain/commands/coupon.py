@@ -172,7 +172,7 @@ def _run_coupon(
     title = name.replace("_", "-")
     with output_folder(out or Path("results") / "coupon" / title, inputs=[scene]) as folder:
         from lcmchain.coupons.result import write_coupon
-        from lcmchain.scene.fabrics import preset_remarks
+        from lcmchain.scene.presets import preset_remarks
 
         simulate = getattr(import_module(f"lcmchain.coupons.{name}"), name)
         with progress_bar() as progress:

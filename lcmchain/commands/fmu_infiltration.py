@@ -99,6 +99,6 @@ def build_infiltration(
 def _flows_while_formed(case: Path, overrides: Sequence[str]) -> bool:
     """Whether a file is a scene whose infiltration goes on while the blank is formed."""
     from lcmchain.scene import read_scene
-    from lcmchain.scene.infiltration_file import is_scene_file
+    from lcmchain.scene.reading.single_tables import is_scene_file
 
     return is_scene_file(case) and read_scene(case, overrides).wet_forming is not None

@@ -63,7 +63,7 @@ def _require_file(path: Path) -> None:
 def _write(case: Any, out: Path, inputs: list[Path | None]) -> None:
     from lcmchain.atomic import replacing
     from lcmchain.coupling.infiltration.foreign_case import case_text
-    from lcmchain.scene.infiltration_file import infiltration_from_text
+    from lcmchain.scene.reading.single_tables import infiltration_from_text
 
     text = case_text(case)
     infiltration_from_text(text, out)  # what the case may not hold is told by its keys

@@ -106,7 +106,7 @@ def map_fields(
         report = map_file(source, target, out, options)
     say(report.summary())
     if report.verification is not None:
-        from lcmchain.report.mapping_errors import error_table
+        from lcmchain.report.chapters import error_table
 
         console().print(error_table(report.verification))
     for warning in report.warnings:

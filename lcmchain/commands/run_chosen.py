@@ -36,8 +36,8 @@ def run_chosen(
     InputError : a wish that cannot be read, ``--resume``, or wrong input.
     SimulationInterrupted : Ctrl-C; the pilots are kept.
     """
-    from lcmchain.study.scene_text import SceneText
-    from lcmchain.study.wish import read_wish
+    from lcmchain.study.choice import read_wish
+    from lcmchain.study.sources import SceneText
 
     if resume:
         raise InputError(

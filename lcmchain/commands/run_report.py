@@ -42,7 +42,7 @@ def _print_table(summary: Mapping) -> None:
 
 def summary_rows(summary: Mapping) -> Iterator[Number]:
     """Yield what matters first in a ``summary.json``, in words."""
-    from lcmchain.report.fillings import filling_in_words
+    from lcmchain.report.chapters import filling_in_words
     from lcmchain.report.numbers import Number, key_numbers, ply_numbers
 
     if summary.get("state", COMPLETE) != COMPLETE:

@@ -72,8 +72,12 @@ def study_accuracy(
     chosen = values_of(vary or ())
     with output_folder(out or study_folder(scene, "accuracy"), inputs=[scene]) as folder:
         from lcmchain.study import study_accuracy as run_study
-        from lcmchain.study.files import write_accuracy
-        from lcmchain.study.tables import failures, order_table, terminal_table
+        from lcmchain.study.accuracy_files import (
+            failures,
+            order_table,
+            terminal_table,
+            write_accuracy,
+        )
 
         with progress_bar(quiet=quiet) as progress:
             study = run_study(

@@ -34,9 +34,9 @@ OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 NEVER_COMPILED = (
     "__main__.py", "cli.py", "fingerprint.py", "forming_run.py", "pipeline.py", "provenance.py",
     "run_account.py", "run_files.py", "summary.py",
-    "commands", "coupons", "identification", "manual", "pattern", "report", "results", "statics",
-    "study", "verification", "fmu", "mapping/formats", "mapping/structure", "coupling/closing",
-    "coupling/cosimulation", "coupling/hard_cases", "coupling/iteration",
+    "commands", "coupons", "identification", "judgements", "manual", "pattern", "report", "results",
+    "statics", "study", "verification", "fmu", "mapping/formats", "mapping/structure",
+    "coupling/closing", "coupling/cosimulation", "coupling/hard_cases", "coupling/iteration",
     "coupling/precice_adapter", "coupling/wet_forming",
 )  # fmt: skip
 

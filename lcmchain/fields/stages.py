@@ -187,3 +187,25 @@ def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
             f"stages.{stage['name']}.time"
         )
     return found
+
+
+def last_frames(history: xr.Dataset) -> list[tuple[str, int]]:
+    """Return the name of every stage that has frames, and the last one of them."""
+    if STAGE not in history:
+        return []
+    of_frames = history[STAGE].values
+    names = [str(name) for name in history[STAGE_NAME].values]
+    found = []
+    for number, name in enumerate(names):
+        own = np.flatnonzero(of_frames == number)
+        if own.size:
+            found.append((name, int(own[-1])))
+    return found
+
+
+def borders(history: xr.Dataset) -> list[tuple[str, float]]:
+    """Return the name of every stage and its end [ms]; nothing without stages."""
+    if STAGE not in history:
+        return []
+    ends = 1e3 * history[STAGE_END].values
+    return [(str(name), float(end)) for name, end in zip(history[STAGE_NAME].values, ends)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lcmchain.manual.tables import code, markdown_table
-from lcmchain.scene.fabrics import PUBLISHED, PublishedFabric
+from lcmchain.scene.presets import PUBLISHED, PublishedFabric
 
 HEAD = """# Published fabrics
 

@@ -1030,7 +1030,7 @@ class FabricBending(SceneModel):
         )
 
 
-#: The published fabrics of :mod:`lcmchain.scene.fabrics`, which knows this law.
+#: The published fabrics of :mod:`lcmchain.scene.presets`, which knows this law.
 PresetName = Literal["MD600", "glass-plain-600", "carbon-twill-200"]
 
 

@@ -1,4 +1,4 @@
-"""Values of two digits, as remedies name them for a scene."""
+"""Values in as many digits as say something: of remedies for a scene, and shares in percent."""
 
 from __future__ import annotations
 
@@ -19,3 +19,8 @@ def two_digits(value: float) -> str:
 def two_digits_up(value: float) -> str:
     """Return a number rounded up to two digits (down if it is negative)."""
     return f"{-float(two_digits(-value)):g}"
+
+
+def percent(part: float) -> str:
+    """Return a share in percent, with as many digits as say something."""
+    return "less than 0.01 %" if 0.0 <= part < 1e-4 else f"{100.0 * part:.3g} %"

@@ -1,5 +1,5 @@
 from .html import write_report
-from .pictures import draw_result
+from .run_pictures import draw_result
 from .start import draw_initial, draw_stack
 
 __all__ = ["draw_initial", "draw_result", "draw_stack", "write_report"]

@@ -12,12 +12,11 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import sheet_faces, sheet_positions
+from lcmchain.report.drawn_tools import DepthBuffer, RunTools, draw_tool
 from lcmchain.report.pictures import on_faces
 from lcmchain.report.renderer import axes_at, draw_colour_bar, draw_facets, draw_triad
-from lcmchain.report.run_tools import RunTools
 from lcmchain.report.shown import SHOWN, Shown, colour_scale
 from lcmchain.report.style import RC, headline, new_figure
-from lcmchain.report.transparent import DepthBuffer, draw_tool
 from lcmchain.report.view import boundary_edges, hangs_down, oblique
 
 if TYPE_CHECKING:

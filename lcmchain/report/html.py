@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +11,9 @@ from typing import TYPE_CHECKING, Any
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.report.captions import CAPTIONS, caption_of
-from lcmchain.report.curves import curve_data
-from lcmchain.report.field_view import view_data
-from lcmchain.report.fillings import dry_spot_rows, filling_rows
-from lcmchain.report.grades import GRADES, worst_grade
-from lcmchain.report.mapping_errors import in_words
+from lcmchain.judgements.grades import GRADES, worst_grade
+from lcmchain.judgements.verdicts import verdicts
+from lcmchain.report.chapters import dry_spot_rows, filling_rows, mapping_rows, stage_chapters
 from lcmchain.report.numbers import (
     gripper_table,
     grouped_warnings,
@@ -25,10 +21,9 @@ from lcmchain.report.numbers import (
     load_table,
     ply_numbers,
 )
-from lcmchain.report.stages import stage_chapters
+from lcmchain.report.page_data import curve_data, tool_data, view_data
+from lcmchain.report.shown import CAPTIONS, caption_of
 from lcmchain.report.style import SERIES
-from lcmchain.report.tool_view import tool_data
-from lcmchain.report.verdicts import verdicts
 from lcmchain.results import COMPLETE
 
 if TYPE_CHECKING:
@@ -127,7 +122,7 @@ def _content(
         "effects": effects,
         "given": scene.source.given,
         "defaulted": scene.source.defaulted,
-        "mappings": [(name, _mapping_rows(r)) for name, r in summary.get("mapping", {}).items()],
+        "mappings": [(name, mapping_rows(r)) for name, r in summary.get("mapping", {}).items()],
         "fillings": [
             (name, list(filling_rows(r)), list(dry_spot_rows(r)))
             for name, r in summary.get("infiltration", {}).items()
@@ -148,68 +143,6 @@ def _pictures(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str, st
             picture.convert("RGB").save(packed, "WEBP", quality=WEBP_QUALITY)
         address = f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode()}"
         yield name, caption_of(name), address
-
-
-def _mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return names and values of what a mapping did, or of why it failed."""
-    if "error" in report:
-        return [("failed", str(report["error"]))]
-    status = ", ".join(f"{count:,} {name}" for name, count in report["status_count"].items())
-    rows = [
-        ("target", f"{report['target']} ({report['kind']}), weights by {report['method']}"),
-        ("cells", f"{report['cell_count']:,}: {status}"),
-        ("target area covered", f"{report['target_coverage']:.2%}"),
-        ("sheet area covered", f"{report['source_coverage']:.2%}"),
-        (
-            "farthest cell",
-            f"{1e3 * report['worst_distance']:.3f} mm off the sheet (cell "
-            f"{report['worst_distance_cell']}); {1e3 * report['maximum_distance']:.3g} mm allowed",
-        ),
-        *_registration_rows(report),
-        ("largest change of a share to keep the fibre mass", f"{report['wedge_correction']:.1%}"),
-        ("fibre mass moved between neighbouring cells", f"{report['moved']:.2%}"),
-    ]
-    if report["conservation_error"] is not None:
-        rows.append(("error of the fibre mass", f"{report['conservation_error']:.2e}"))
-    if report["second_family_error_max"] is not None:
-        angle = math.degrees(report["second_family_error_max"])
-        rows.append(
-            (
-                "second fibre family, if taken as perpendicular to the first",
-                f"up to {angle:.1f}° off (cell {report['second_family_error_cell']})",
-            )
-        )
-    for name, error in (report.get("verification") or {}).items():
-        worst, units = in_words(error["worst"], error["units"]), error["units"]
-        rows.append(
-            (
-                f"error added to {name.replace('_', ' ')}",
-                f"up to {worst} (cell {error['worst_cell']}), "
-                f"{in_words(error['root_mean_square'], units)} root mean square",
-            )
-        )
-    rows.append(("fields", ", ".join(report["fields"])))
-    rows.append(("files", ", ".join(report["files"].values())))
-    return rows
-
-
-def _registration_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield how the target lies to the sheet, and whether it was moved."""
-    found = report.get("registration")
-    if found is None:
-        return
-    yield (
-        "distance from the sheet, mean and root mean square",
-        f"{1e3 * found['signed_mean']:.3f} mm (above the sheet positive) and "
-        f"{1e3 * found['root_mean_square']:.3f} mm",
-    )
-    shift = ", ".join(f"{1e3 * value:.3f}" for value in found["shift"])
-    turn = ", ".join(f"{math.degrees(value):.3f}" for value in found["rotation"])
-    yield (
-        "motion that brings it to the sheet" + (", applied" if report["registered"] else ""),
-        f"turned by ({turn})° and shifted by ({shift}) mm, which leaves "
-        f"{1e3 * found['root_mean_square_after']:.3f} mm root mean square",
-    )
 
 
 def _provenance_rows(origin: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -9,9 +9,10 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from lcmchain.judgements.quasi_static import motion_in_force
 from lcmchain.quantities.durations import duration_text, milliseconds_text
-from lcmchain.report.grades import percent
-from lcmchain.report.stages import rest_in_words
+from lcmchain.quantities.rounded import percent
+from lcmchain.report.chapters import rest_in_words
 from lcmchain.thresholds import LARGEST_RIPPLE, balance_scale
 
 
@@ -187,24 +188,6 @@ def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
         if not is_course and ripple > 0.5 * LARGEST_RIPPLE * largest:
             yield f"; elements that pass a radius move it by {ripple:.2g} N"
             yield f", its smooth course has {loads['force_smooth_N']:.4g} N there"
-
-
-def motion_in_force(parts: Mapping[str, float]) -> str:
-    """Say where damping and inertia of a force are no parts of it; empty where they are.
-
-    Over a piece of the travel in which the sheet swings, one of them may exceed the force, and
-    others are negative: then nothing is taken *of* the force.
-
-    parts : from :func:`lcmchain.fields.loads.force_parts`.
-    """
-    force, damping, inertia = (parts[f"{name}_N"] + 0.0 for name in ("force", "damping", "inertia"))
-    if max(abs(damping), abs(inertia), abs(damping + inertia)) <= abs(force):
-        return ""
-    return (
-        f"around it the mean of {force:.4g} N is the sum of damping {damping:.3g} N, inertia "
-        f"{inertia:.3g} N and all else {force - damping - inertia:.3g} N: the sheet swings there, "
-        "and the force is not that of a slow process"
-    )
 
 
 def _time(summary: Mapping[str, Any]) -> Iterator[Number]:

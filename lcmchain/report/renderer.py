@@ -8,7 +8,7 @@ catch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from matplotlib.typing import ColorType
+
 
 # Above this number of faces their edges would cover the colours.
 MOST_FACES_WITH_EDGES = 30_000
@@ -295,3 +296,142 @@ def label_axes(axis: Axes, x: str, y: str) -> None:
     axis.set_xlabel(x, labelpad=2)
     axis.set_ylabel(y, labelpad=2)
     axis.tick_params(length=2.5, pad=2)
+
+
+# --- a sheet and lines upon it in one painting order ----------------------------------------------
+
+
+class Layer(NamedTuple):
+    """Facets that take part in the painting order of a picture.
+
+    corners : (F, 4, 3). depth : (F,) towards the viewer. faces, lines : colours (F, 4).
+    widths : of the edges, points (F,).
+    """
+
+    corners: np.ndarray
+    depth: np.ndarray
+    faces: np.ndarray
+    lines: np.ndarray
+    widths: np.ndarray
+
+
+def sheet_layer(
+    corners: np.ndarray, view: View, colours: np.ndarray | ColorType, *, shaded: bool = True
+) -> Layer:
+    """Return the facets (F, 4, 3) of a sheet in one colour, or in colours (F, 4)."""
+    faces = _rgba(colours, len(corners))
+    if shaded:
+        faces[:, :3] = np.clip(faces[:, :3] * brightness(corners, view)[:, None], 0.0, 1.0)
+    # edges in the colour of the facets close the gaps between them
+    return Layer(corners, _depth(corners, view), faces, faces, np.full(len(corners), 0.3))
+
+
+def line_layer(
+    segments: np.ndarray, view: View, colour: ColorType, width: float, lift: float
+) -> Layer:
+    """Return segments (S, 2, 3) that lie on a sheet, lifted towards the viewer by ``lift``."""
+    corners = segments[:, [0, 1, 1, 0]]
+    colours = _rgba(colour, len(segments))
+    depth = _depth(corners, view) + lift
+    return Layer(corners, depth, colours, colours, np.full(len(segments), width))
+
+
+def paint(axis: Axes, view: View, layers: Sequence[Layer], zorder: float = 1.0) -> None:
+    """Paint all layers from back to front."""
+    from matplotlib.collections import PolyCollection
+
+    depth = np.concatenate([layer.depth for layer in layers])
+    order = np.argsort(depth, kind="stable")
+    corners, faces, lines, widths = (
+        np.concatenate([getattr(layer, name) for layer in layers])[order]
+        for name in ("corners", "faces", "lines", "widths")
+    )
+    axis.add_collection(
+        PolyCollection(
+            list(view.on_screen(corners)), facecolors=faces, edgecolors=lines, linewidths=widths,
+            capstyle="round", zorder=zorder,
+        )
+    )  # fmt: skip
+
+
+def _depth(corners: np.ndarray, view: View) -> np.ndarray:
+    return corners.mean(axis=1) @ view.towards
+
+
+def _rgba(colour: np.ndarray | ColorType, count: int) -> np.ndarray:
+    from matplotlib.colors import to_rgba_array
+
+    return np.array(np.broadcast_to(to_rgba_array(colour), (count, 4)))
+
+
+# --- marks of the largest and the smallest value --------------------------------------------------
+
+
+LABEL_GAP = 4.0  # between a mark and its label, points
+
+
+def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Shown) -> None:
+    """Mark the largest and the smallest value at their places (P, 2), with limits already set."""
+    from matplotlib.patheffects import withStroke
+
+    if not np.isfinite(values).any():
+        return
+    axis.apply_aspect()  # else equal scales move marks and labels when all is drawn
+    halo = [withStroke(linewidth=2.0, foreground="white")]
+    taken: list = []
+    for (face, marker, word), corners in zip(
+        _extremes(places, values, shown), (CORNERS + FARTHER, CORNERS[::-1] + FARTHER)
+    ):
+        axis.plot(*places[face], marker, ms=5.5, mfc="white", mec=INK, mew=0.9, zorder=5)
+        label = axis.annotate(
+            f"{word} {shown.text(values[face])}", places[face], (0.0, 0.0),
+            textcoords="offset points", fontsize=7.5, path_effects=halo, zorder=6,
+        )  # fmt: skip
+        taken += [_around(axis, place) for place in places[[face]]]
+        taken.append(_placed(axis, label, corners, taken))
+
+
+#: Sides of a mark that its label may be on, the nearer ones first: to the right or left of it,
+#: above or below.
+CORNERS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+FARTHER = tuple((x, lift * y) for lift in (4, 7) for x, y in CORNERS)
+
+
+def _extremes(places: np.ndarray, values: np.ndarray, shown: Shown) -> list[tuple[int, str, str]]:
+    """Return number, mark and word; of equal values the ones that lie far apart.
+
+    Those of mirror images are equal, but for noise. The colour bar names the extreme itself: values
+    are equal where they read the same.
+    """
+    read = np.round(values, shown.decimals)
+    largest = np.flatnonzero(read == np.nanmax(read))
+    smallest = np.flatnonzero(read == np.nanmin(read))
+    # to the upper right, whatever order the faces have
+    top = int(largest[np.argmax(places[largest] @ [1.0, 1.01])])
+    away = np.linalg.norm(places[smallest] - places[top], axis=1)
+    low = int(smallest[np.argmax(away)])
+    return [(top, "^", "max"), (low, "v", "min")]
+
+
+def _around(axis: Axes, place: np.ndarray):
+    """Return the box of a mark on the screen."""
+    from matplotlib.transforms import Bbox
+
+    x, y = axis.transData.transform(place)
+    return Bbox.from_extents(x - 9.0, y - 9.0, x + 9.0, y + 9.0)
+
+
+def _placed(axis: Axes, label, corners, taken: list):
+    """Put a label on the first side where it meets nothing that is there; return its box."""
+    box, frame = None, axis.get_window_extent()
+    for right, up in corners:
+        label.set_position((LABEL_GAP * right, LABEL_GAP * up))
+        label.set_horizontalalignment("left" if right > 0 else "right")
+        label.set_verticalalignment("bottom" if up > 0 else "top")
+        box = label.get_window_extent()
+        inside = (
+            frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 <= box.y1 <= frame.y1
+        )
+        if inside and not any(box.overlaps(other) for other in taken[:-1]):
+            break
+    return box

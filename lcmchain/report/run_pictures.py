@@ -10,20 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.fields.courses import course_names
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import tool_places
 from lcmchain.fields.sheet import sheet_positions
-from lcmchain.fields.stack import ply_names
+from lcmchain.fields.stack import ply_names, without_films
+from lcmchain.fields.stages import last_frames
+from lcmchain.fields.summary import has_forces
 from lcmchain.report.animation import draw_animation
-from lcmchain.report.captions import CAPTIONS_OF_STAGE
-from lcmchain.report.cut import Plane
-from lcmchain.report.formed import draw_between_tools
-from lcmchain.report.pictures import draw_field, draw_result
-from lcmchain.report.run_tools import RunTools
-from lcmchain.report.sections import default_planes, draw_sections
-from lcmchain.report.shown import SHOWN
-from lcmchain.report.stack_pictures import draw_stack_sections
-from lcmchain.report.stages import last_frames, picture_name
+from lcmchain.report.drawn_tools import RunTools
+from lcmchain.report.pictures import (
+    draw_between_tools,
+    draw_courses,
+    draw_fibre_directions,
+    draw_field,
+)
+from lcmchain.report.plots import draw_energy, draw_force, draw_force_over_travel
+from lcmchain.report.sections import Plane, default_planes, draw_sections
+from lcmchain.report.shown import CAPTIONS_OF_STAGE, SHOWN, STACK_SHOWN, picture_name
+from lcmchain.report.stack_pictures import draw_plies, draw_stack_sections
 from lcmchain.scene.output import NO_FILM, Output
 
 if TYPE_CHECKING:
@@ -138,4 +143,73 @@ def draw_run(
             files[-1], sheet, datasets[HISTORY], name, tools=tools,
             report=lambda done, total: report(f"drawing the film, frame {done} of {total}"),
         )  # fmt: skip
+    return files
+
+
+def draw_result(
+    out_dir: Path | str,
+    datasets: Mapping[str, xr.Dataset],
+    frame: int = -1,
+    *,
+    tools: RunTools | None = None,
+    planes: Sequence[Plane] = (),
+) -> list[Path]:
+    """Draw the formed shape, its fields and sections, and the energies and forces of the run.
+
+    Parameters
+    ----------
+    out_dir : folder of the pictures in :data:`lcmchain.report.shown.CAPTIONS`: fields that the
+        result has, ``fibre_directions.png``, of a stack those of every ply
+        (:func:`lcmchain.report.stack_pictures.draw_plies`), of courses ``courses.png``,
+        ``sections.png``, ``energy.png``, with tools ``tools.png``, and where their
+        forces are known ``force.png`` and, if one of them moves, ``force_over_travel.png``.
+    datasets : groups of the result, from :func:`lcmchain.fields.dataset.build_datasets`.
+    frame : saved frame to draw, the last one by default.
+    tools : of the run; without them there is no ``tools.png``, and sections show the sheet alone.
+    planes : of the sections; by default through the middle of the blank along its fibres.
+
+    Returns
+    -------
+    The files written.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    """
+    out_dir = Path(out_dir)
+    sheet, history = datasets[SHEET], datasets[HISTORY]
+    files = []
+    is_stack = bool(ply_names(sheet))
+    for shown in STACK_SHOWN if is_stack else SHOWN:
+        if shown.name in sheet:
+            files.append(out_dir / f"{shown.name}.png")
+            draw_field(files[-1], without_films(sheet), shown, frame)
+    if course_names(sheet):
+        files.append(out_dir / "courses.png")
+        draw_courses(files[-1], sheet, frame)
+    travel = tool_places(history)[frame]
+    if is_stack:
+        files += draw_plies(out_dir, datasets, frame)
+    else:
+        files.append(out_dir / "fibre_directions.png")
+        draw_fibre_directions(files[-1], sheet, frame)
+    if tools is not None and tools.names:
+        files.append(out_dir / "tools.png")
+        draw_between_tools(files[-1], sheet, tools, travel, frame)
+    files.append(out_dir / "sections.png")
+    if is_stack:
+        draw_stack_sections(files[-1], datasets, planes, tools, travel, frame)
+    else:
+        planes = planes or default_planes(sheet)
+        draw_sections(files[-1], datasets, planes, tools, travel, frame)
+    title = str(sheet.attrs.get("title", ""))
+    if any(str(name).startswith("energy_") for name in history.data_vars):
+        files.append(out_dir / "energy.png")
+        draw_energy(files[-1], history, title)
+    if has_forces(history):
+        files.append(out_dir / "force.png")
+        draw_force(files[-1], history, title)
+        if np.ptp(history["tool_travel"].values, axis=0).any():
+            files.append(out_dir / "force_over_travel.png")
+            draw_force_over_travel(files[-1], history, title)
     return files

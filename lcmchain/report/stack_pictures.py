@@ -12,9 +12,9 @@ import numpy as np
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
 from lcmchain.fields.stack import plies_of
-from lcmchain.report.cut import Plane
+from lcmchain.report.drawn_tools import RunTools
 from lcmchain.report.fibre_segments import fibre_lines
-from lcmchain.report.layers import line_layer, paint, sheet_layer
+from lcmchain.report.pictures import on_faces
 from lcmchain.report.renderer import (
     axes_at,
     draw_colour_bar,
@@ -24,9 +24,11 @@ from lcmchain.report.renderer import (
     draw_triad,
     fit_axis,
     label_axes,
+    line_layer,
+    paint,
+    sheet_layer,
 )
-from lcmchain.report.run_tools import RunTools
-from lcmchain.report.sections import Strip, default_planes, draw_section, strips_of
+from lcmchain.report.sections import Plane, Strip, default_planes, draw_section, strips_of
 from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
@@ -164,10 +166,7 @@ def _face_values(sheet: xr.Dataset, shown: Shown, frame: int) -> np.ndarray:
     values = shown.factor * sheet[shown.name].values[frame]
     if sheet[shown.name].attrs["location"] != "node":
         return values
-    faces = sheet_faces(sheet)
-    corners = values[faces]
-    triangle = faces[:, 3] == faces[:, 2]
-    return np.where(triangle, corners[:, :3].mean(axis=1), corners.mean(axis=1))
+    return on_faces(values, sheet_faces(sheet))
 
 
 def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int) -> None:

@@ -1,4 +1,19 @@
-"""Scene files: text with units in, validated and frozen SI scenes out."""
+"""Scene files: text with units in, validated and frozen SI scenes out.
+
+::
+
+    scene.toml ─▶ reading ─▶ scene: Scene, all tables and the checks between them
+                               │
+         process, output, draping, structure                    one table each
+         infiltration ◀── boundaries, resin, permeability       what flows, from where, through what
+         plies ◀── layup; stages ◀── resin_stages               what lies where, and when
+         presets                                                published materials, by name
+                               │
+         rungs: the same scene on another model    pace: what sets it, and which entry slows it
+         cases: commented scenes that ``new`` writes
+
+Tables of tools, materials, elements, effects and interfaces stand beside what they configure.
+"""
 
 from lcmchain.effects.contact import Contact
 from lcmchain.elements.kinematic import KinematicElement
@@ -15,17 +30,20 @@ from lcmchain.materials.st_venant_kirchhoff import (
 from lcmchain.mesh.blank import Blank
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.infiltration_file import infiltration_from_text, read_infiltration
-from lcmchain.scene.json_schema import scene_json_schema
-from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.output import Output
+from lcmchain.scene.output import MappingTarget, Output
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
-from lcmchain.scene.read import read_scene, scene_from_text
+from lcmchain.scene.reading.json_schema import scene_json_schema
+from lcmchain.scene.reading.read import read_scene, scene_from_text
+from lcmchain.scene.reading.single_tables import (
+    infiltration_from_text,
+    read_infiltration,
+    read_structure,
+    structure_from_text,
+)
 from lcmchain.scene.rungs import RUNGS, left_out_of, on_rung, rung_of
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.scene.structure import Structure
-from lcmchain.scene.structure_file import read_structure, structure_from_text
 from lcmchain.tools.tool import Tool
 
 __all__ = [

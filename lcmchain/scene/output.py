@@ -1,22 +1,37 @@
-"""Scene table of the files that a run writes."""
+"""Scene tables of what comes of a scene: files of a run, meshes that receive its fields, a unit.
+
+The meshes stand here and not in the package that maps: that package is built on the core, which
+holds the scene and never imports what is built on it.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import (
+    NOT_NEGATIVE,
     AbsentMeans,
     Direction,
+    FileName,
+    LengthUnit,
     Name,
+    Number,
     Position,
     PositiveLength,
     PositiveTime,
     Row,
     Switch,
+    Text,
+    wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.structure import Structure
+
+# --- Scene tables of what comes of a scene: files of a run, and its functional mock-up unit -----
+
 
 #: Samples of the histories over the process where ``history_interval`` is not given.
 DEFAULT_SAMPLES = 200
@@ -79,3 +94,98 @@ class Output(SceneModel):
     animation_field: Literal[
         "shear_angle", "thickness", "fibre_volume_fraction", "wrinkle_height"
     ] = Field(default="shear_angle", description="Field that colours the sheet in the film.")
+
+
+# --- meshes that receive the fields ---------------------------------------------------------------
+
+
+class MappingTarget(SceneModel):
+    """A mesh that receives thickness, fibre volume fraction and fibre directions."""
+
+    name: Annotated[str, Name("infiltration")] = Field(
+        description="Name of the target and of its files."
+    )
+    mesh: Annotated[str, FileName("infiltration.vtu")] = Field(
+        description="Mesh file, relative to the scene file."
+    )
+    kind: Literal["infiltration", "structure"] = Field(
+        description="Surface cells for infiltration, solids (else shells) for structure."
+    )
+    method: Literal["overlap", "closest"] = Field(
+        default="overlap",
+        description="Weights from the overlap of cells and sheet, or of the closest place.",
+    )
+    order: Literal[1, 2] = Field(
+        default=2, description="Fields within a face of the sheet: 1 constant, 2 linear."
+    )
+    maximum_distance: Annotated[
+        PositiveLength | None, AbsentMeans("one edge length of the sheet")
+    ] = Field(default=None, description="Farthest distance over which a value is taken.")
+    length_unit: Annotated[str, LengthUnit()] = Field(
+        default="m", description="Unit of the coordinates in the file."
+    )
+    thickness_limit: Annotated[float, Number(0.1, NOT_NEGATIVE)] = Field(
+        default=0.1,
+        description="Largest relative difference of a solid's thickness from the formed one.",
+    )
+    all_frames: Switch = Field(
+        default=False,
+        description="Carry the mesh along with the material and map every saved state.",
+    )
+    # Not "register", which every class of pydantic has as a method.
+    registration: Switch = Field(
+        default=False, description="Bring the mesh to the sheet by a small rigid motion."
+    )
+    nodes: Switch = Field(default=False, description="Write values at the nodes of the mesh too.")
+    verify: Switch = Field(
+        default=False, description="Estimate the error that the mapping adds to every field."
+    )
+    structure: Annotated[Structure | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Structural analysis on this mesh, from the mapped fields; kind = "
+        '"structure" only.',
+    )
+
+    infiltration: Annotated[Infiltration | None, AbsentMeans("none")] = Field(
+        default=None,
+        description="Infiltration of this mesh, from the mapped fields; kind = "
+        '"infiltration" only.',
+    )
+
+    @model_validator(mode="after")
+    def _check_stages(self) -> Self:
+        for stage in ("structure", "infiltration"):
+            if getattr(self, stage) is not None and self.kind != stage:
+                raise wrong(f'needs kind = "{stage}", but kind is "{self.kind}"', field=stage)
+        return self
+
+    def options(self) -> dict[str, Any]:
+        """Return how to map, by the names of ``lcmchain.mapping.MappingOptions``."""
+        same = self.model_dump(
+            exclude={"name", "mesh", "registration", "structure", "infiltration"}
+        )
+        return {**same, "register": self.registration}
+
+
+# --- functional mock-up unit ----------------------------------------------------------------------
+
+
+MOST_PARAMETERS = 100
+
+
+class Unit(SceneModel):
+    """What a master may set in the functional mock-up unit of the scene."""
+
+    parameters: Annotated[
+        tuple[Annotated[str, Text("tools.holder.motion.mass")], ...],
+        Row(
+            '["tools.holder.motion.mass"]',
+            entries="keys",
+            units=False,
+            maximum_count=MOST_PARAMETERS,
+        ),
+    ] = Field(
+        default=(),
+        description="Entries with one number that a master may set before initialization; "
+        "contact.friction always is one.",
+    )

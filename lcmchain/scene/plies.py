@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 import shapely
@@ -31,11 +31,9 @@ from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.outline import outline_of
 from lcmchain.quantities.at_work import AtWork, share_a_stage
 from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
+from lcmchain.quantities.scene_model import no_such
 from lcmchain.scene.layup import angles_of
-from lcmchain.scene.names import no_such
-
-if TYPE_CHECKING:
-    from lcmchain.scene.scene import Scene
+from lcmchain.scene.process import Process
 
 #: Name of the sheet of a scene with one.
 ONE_SHEET = "sheet"
@@ -408,7 +406,30 @@ def _names_of(ply: PlySettings) -> tuple[str, str]:
     return ply.name, ply.material_key.removeprefix("materials.")
 
 
-def stack_of(scene: Scene) -> Stack:
+class PlyTables(Protocol):
+    """The tables of a scene that its plies are made of, and are checked with."""
+
+    @property
+    def process(self) -> Process: ...
+    @property
+    def element(self) -> Any: ...
+    @property
+    def plies(self) -> tuple[Ply, ...]: ...
+    @property
+    def layup(self) -> str | None: ...
+    @property
+    def blank(self) -> Blank | None: ...
+    @property
+    def material(self) -> AnyMaterial | None: ...
+    @property
+    def materials(self) -> dict[str, AnyMaterial]: ...
+    @property
+    def interfaces(self) -> tuple[Interface, ...]: ...
+    @property
+    def stages(self) -> tuple[Any, ...]: ...
+
+
+def stack_of(scene: PlyTables) -> Stack:
     """Return the plies of a scene, whatever form it names them in."""
     factor = scene.process.fibre_modulus_factor
     if not scene.plies and scene.layup is None:
@@ -445,7 +466,7 @@ def _required(table: Any) -> Any:
     return table
 
 
-def _plies_of_layup(scene: Scene) -> list[Ply]:
+def _plies_of_layup(scene: PlyTables) -> list[Ply]:
     """Return the plies of the short form: one outline, an angle for each."""
     blank = _required(scene.blank)
     shared = {**blank.shape, "edge_length": blank.edge_length}
@@ -504,7 +525,7 @@ def named_plies(plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
     return tuple(named)
 
 
-def check_stack(scene: Scene) -> None:
+def check_stack(scene: PlyTables) -> None:
     """Refuse plies that cannot lie as a scene says, and names of what is not there.
 
     Raises
@@ -546,7 +567,7 @@ def check_stack(scene: Scene) -> None:
     _check_interfaces(scene, stack)
 
 
-def _come_together(one: PlySettings, other: PlySettings, scene: Scene) -> bool:
+def _come_together(one: PlySettings, other: PlySettings, scene: PlyTables) -> bool:
     """Tell whether two plies are there from the same stage on."""
     every = {stage.name for stage in scene.stages}
     first, second = (every if ply.stages is None else set(ply.stages) for ply in (one, other))
@@ -567,7 +588,7 @@ def _check_overlap(under: PlySettings, ply: PlySettings) -> None:
         )
 
 
-def _check_interfaces(scene: Scene, stack: Stack) -> None:
+def _check_interfaces(scene: PlyTables, stack: Stack) -> None:
     """Refuse an interface of a ply with itself, or with one that is not there."""
     alone = len(stack) < 2
     if alone and any(entry.between or not entry.itself for entry in scene.interfaces):
@@ -609,7 +630,7 @@ def _check_interfaces(scene: Scene, stack: Stack) -> None:
         given.append((pair, entry.stages))
 
 
-def _together(one: tuple[str, ...] | None, other: tuple[str, ...] | None, scene: Scene) -> str:
+def _together(one: tuple[str, ...] | None, other: tuple[str, ...] | None, scene: PlyTables) -> str:
     """Name the first stage that two entries share, in words; nothing without stages."""
     for stage in scene.stages:
         if all(stages is None or stage.name in stages for stages in (one, other)):

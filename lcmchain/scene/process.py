@@ -1,12 +1,21 @@
-"""Scene table of the process: what holds for the whole run."""
+"""Scene table of the process, and the time of one that gives none.
+
+A process without rates takes any time. In the simulation it takes as long as inertia needs to stay
+small, and no longer. The slowest shear vibration of the sheet, where its law is softest, is the
+measure; while the process runs, its pace follows the energies (:mod:`lcmchain.effects.pace`).
+"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from lcmchain.effects.mass_scaling import MassScaling
+from lcmchain.errors import InputError
+from lcmchain.materials.law import Material
+from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -17,7 +26,7 @@ FOUND_TIME = "found from the sheet"
 class Process(SceneModel):
     """Time, frames, gravity and damping.
 
-    Without a time the scene fills in what it finds (:mod:`lcmchain.scene.found_time`).
+    Without a time the scene fills in what it finds (:func:`lcmchain.scene.process.found_time`).
     """
 
     time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
@@ -64,3 +73,105 @@ class Process(SceneModel):
         default=None,
         description="Inertia that is added to the sheet for a larger time step.",
     )
+
+
+# --- the time that is found -----------------------------------------------------------------------
+
+
+#: Periods of the slowest shear vibration that the process takes at the fastest.
+PERIODS = 2.4
+#: Speed of the waves where the law is softest, over that at rest, at least: where a measured law is
+#: flat, waves stand still, and the pace that follows the energies is the better measure.
+LEAST_SPEED = 0.2
+#: Mean speed of a tool at most [m/s]: a stiff sheet has fast waves.
+TOOL_SPEED = 2.0
+#: Rate of the mass damping times the time of the process.
+DAMPING_TIMES_TIME = 10.0
+#: Part of the time over which the motion is averaged that the damping leaves alone.
+AVERAGING_PART = 0.06
+
+
+def found_time(
+    process: Any, extent: tuple[float, float], material: Material, travel: float
+) -> float:
+    """Return the time of a process at pace 1 [s].
+
+    Parameters
+    ----------
+    process : its table, without a time. extent : of the blank along x and y [m].
+    travel : longest stroke of a tool [m].
+    """
+    at_rest, softest = shear_wave_speeds(material)
+    period = 2.0 * max(extent) / max(softest, LEAST_SPEED * at_rest)
+    # added mass slows the waves down; what a target step adds is not known before the mesh is
+    scaling = process.mass_scaling
+    slower = 1.0 if scaling is None else math.sqrt(scaling.factor)
+    return process.quasi_static * slower * max(PERIODS * period, travel / TOOL_SPEED)
+
+
+def require_time_for_fluid(*, time_is_found: bool, pore_pressure: bool) -> None:
+    """Refuse a fluid in the pores of a sheet whose process has no time.
+
+    Raises
+    ------
+    InputError : there is one.
+    """
+    if time_is_found and pore_pressure:
+        raise InputError(
+            "is missing, but a fluid acts in the pores, and it has a time of its own; give "
+            'time = "200 ms"',
+            key="process.time",
+        )
+
+
+#: Why a sheet has a time of its own, in words.
+DEPENDS_ON_RATES = (
+    "the fabric depends on its rate or relaxes (material.viscous, material.bending.viscous_1)"
+)
+
+
+def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
+    """Refuse a sheet whose stress depends on its rate in a process that has no time.
+
+    Raises
+    ------
+    InputError : there is one.
+    """
+    if time_is_found and resists_rates:
+        raise InputError(
+            f'is missing, but {DEPENDS_ON_RATES}; give time = "200 ms"',
+            key="process.time",
+        )
+
+
+def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
+    """Return why a scene cannot leave its time out, in words that follow "is missing, and"."""
+    if not scene.element.has_forces:
+        return None
+    if scene.wet_forming is not None:
+        return "resin flows while the sheet is formed (infiltration.with_forming)"
+    if scene.effects.viscous_shear != "off" and any(
+        ply.material.resists_shear_rates for ply in scene.stack
+    ):
+        return "the shear of the fabric depends on its rate (material.viscous)"
+    if scene.effects.viscous_bending != "off" and any(
+        ply.material.bending_resists_rates for ply in scene.stack
+    ):
+        return (
+            "the bending of the fabric depends on its rate (material.bending.viscous_1, viscous_2)"
+        )
+    if scene.effects.compaction_relaxation != "off" and any(
+        ply.material.relaxes for ply in scene.stack
+    ):
+        return "the compaction of the fabric relaxes (material.viscous.compaction)"
+    if not is_led:
+        return (
+            "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "
+            "in a time of their own"
+        )
+    given: dict[str, Any] = {"output.history_interval": scene.output.history_interval}
+    for index, pressure in enumerate(scene.pressure):
+        key = f'pressure[{index}] "{pressure.name}"'
+        given |= {f"{key}.ramp": pressure.ramp, f"{key}.times": pressure.times}
+    found = [key for key, value in given.items() if value is not None]
+    return f"{found[0]} is a time of the process" if found else None

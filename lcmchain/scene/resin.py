@@ -30,8 +30,7 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import split_row
-from lcmchain.scene.constituents import filled, published_values
-from lcmchain.scene.published_resins import CURES, VISCOSITIES
+from lcmchain.scene.presets import CURES, VISCOSITIES, filled, published_values
 
 _Order = Annotated[float, Number(1.5, POSITIVE)]
 _Autocatalytic = Annotated[float, Number(1.0, NOT_NEGATIVE)]

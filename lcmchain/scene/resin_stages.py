@@ -13,7 +13,7 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 from lcmchain.quantities.entry_types import wrong
-from lcmchain.scene.names import no_such
+from lcmchain.quantities.scene_model import no_such
 
 
 class ResinStage(NamedTuple):

@@ -13,9 +13,9 @@ from lcmchain.elements.kinematic import KinematicElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
-from lcmchain.scene.explain import problems_of
 from lcmchain.scene.output import NO_FILM
-from lcmchain.scene.read import OVERRIDE, input_error
+from lcmchain.scene.reading.explain import problems_of
+from lcmchain.scene.reading.read import OVERRIDE, input_error
 from lcmchain.scene.scene import Scene
 
 #: Every rung with its element, the cheapest first.

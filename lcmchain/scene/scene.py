@@ -28,20 +28,12 @@ from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
 from lcmchain.quantities.at_work import MOST_STAGES
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Row, Text, wrong
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.scene_model import SceneModel, with_own_names
 from lcmchain.scene.draping import Draping
-from lcmchain.scene.found_time import (
-    AVERAGING_PART,
-    DAMPING_TIMES_TIME,
-    found_time,
-    why_time_is_needed,
-)
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
 from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of, names_two_families
-from lcmchain.scene.mapping_target import MappingTarget
-from lcmchain.scene.names import with_own_names
-from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, Output
+from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, MappingTarget, Output, Unit
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.plies import (
     Ply,
@@ -53,7 +45,13 @@ from lcmchain.scene.plies import (
     stack_of,
 )
 from lcmchain.scene.presets import fill_preset
-from lcmchain.scene.process import Process
+from lcmchain.scene.process import (
+    AVERAGING_PART,
+    DAMPING_TIMES_TIME,
+    Process,
+    found_time,
+    why_time_is_needed,
+)
 from lcmchain.scene.stages import (
     Stage,
     StagePlan,
@@ -63,7 +61,6 @@ from lcmchain.scene.stages import (
     require_no_stages,
     stage_plans,
 )
-from lcmchain.scene.unit import Unit
 from lcmchain.tools.motion import PRESCRIBED
 from lcmchain.tools.tool import Tool
 

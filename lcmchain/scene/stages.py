@@ -28,16 +28,15 @@ from lcmchain.quantities.entry_types import (
     Switch,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.found_time import (
+from lcmchain.quantities.scene_model import SceneModel, no_such
+from lcmchain.scene.plies import PlySettings, Stack
+from lcmchain.scene.process import (
     AVERAGING_PART,
     DAMPING_TIMES_TIME,
+    FOUND_TIME,
     found_time,
     why_time_is_needed,
 )
-from lcmchain.scene.names import no_such
-from lcmchain.scene.plies import PlySettings, Stack
-from lcmchain.scene.process import FOUND_TIME
 from lcmchain.scene.resin_stages import (
     require_no_places_of_stages,
     require_resin,

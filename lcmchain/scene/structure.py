@@ -13,9 +13,11 @@ from pydantic import Field, field_validator, model_validator
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Acceleration,
+    Density,
     Direction,
     Force,
     Length,
+    Modulus,
     Name,
     Number,
     Position,
@@ -28,15 +30,100 @@ from lcmchain.quantities.entry_types import (
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin, published_values
-from lcmchain.scene.names import with_own_names
+from lcmchain.quantities.scene_model import SceneModel, with_own_names
+from lcmchain.scene.presets import FIBRES, RESINS, filled, published_values
 
 #: What a support can hold: displacements, and rotations of the nodes of shells.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 MOST_CONDITIONS = 200
 _Component = Literal["x", "y", "z", "rx", "ry", "rz"]
+
+_POISSON = Range(0.0, 1.0, open_ends=(1.0,))
+_OF_RESIN = Range(0.0, 0.5, open_ends=(0.5,))
+
+
+class Fibre(SceneModel):
+    """Fibre of a composite, transversely isotropic about its axis.
+
+    Without ``E2``, ``G12`` and ``nu23`` it is isotropic.
+    """
+
+    preset: Annotated[Literal["T300", "AS4", "E-glass"] | None, AbsentMeans("")] = Field(
+        default=None, description="Published fibre whose values fill what is left out."
+    )
+    E1: Modulus = Field(description="Young's modulus along the fibre.")
+    E2: Annotated[Modulus | None, AbsentMeans("E1")] = Field(
+        default=None, description="Young's modulus across the fibre."
+    )
+    G12: Annotated[Modulus | None, AbsentMeans("E1 / (2 + 2 nu12)")] = Field(
+        default=None, description="Shear modulus along the fibre."
+    )
+    nu12: Annotated[float, Number(0.2, _POISSON)] = Field(
+        description="Poisson's ratio: contraction across the fibre under tension along it."
+    )
+    nu23: Annotated[Annotated[float, Number(0.07, _POISSON)] | None, AbsentMeans("nu12")] = Field(
+        default=None, description="Poisson's ratio in the plane across the fibre."
+    )
+    density: Annotated[Density | None, AbsentMeans("that of the forming result")] = Field(
+        default=None, description="Density of the fibre."
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_preset(cls, values: Any) -> Any:
+        return filled(values, FIBRES)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if 1.0 - self.across_poisson - 2.0 * self.nu12**2 * self.across / self.E1 <= 0.0:
+            raise wrong(
+                "is not possible with the other constants: the fibre would give energy away "
+                "(1 - nu23 - 2 nu12^2 E2/E1 has to be positive)",
+                field="nu23",
+            )
+        return self
+
+    @property
+    def across(self) -> float:
+        """Young's modulus across the fibre [Pa]."""
+        return self.E1 if self.E2 is None else self.E2
+
+    @property
+    def across_poisson(self) -> float:
+        """Poisson's ratio in the plane across the fibre."""
+        return self.nu12 if self.nu23 is None else self.nu23
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus along the fibre [Pa]."""
+        return 0.5 * self.E1 / (1.0 + self.nu12) if self.G12 is None else self.G12
+
+    @property
+    def across_shear(self) -> float:
+        """Shear modulus in the plane across the fibre [Pa]."""
+        return 0.5 * self.across / (1.0 + self.across_poisson)
+
+
+class Resin(SceneModel):
+    """Cured resin, isotropic."""
+
+    preset: Annotated[Literal["MY750", "3501-6"] | None, AbsentMeans("")] = Field(
+        default=None, description="Published resin whose values fill what is left out."
+    )
+    E: Modulus = Field(description="Young's modulus.")
+    nu: Annotated[float, Number(0.35, _OF_RESIN)] = Field(description="Poisson's ratio.")
+    density: Density = Field(description="Density of the cured resin.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_preset(cls, values: Any) -> Any:
+        return filled(values, RESINS)
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus [Pa]."""
+        return 0.5 * self.E / (1.0 + self.nu)
 
 
 class Plane(SceneModel):

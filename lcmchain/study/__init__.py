@@ -1,12 +1,25 @@
-"""Studies: what accuracy costs in time, what effects change, what results depend on."""
+"""Studies: what accuracy costs in time, what effects change, what results depend on.
+
+::
+
+    scene file, coupon ─▶ sources ─▶ Variant, Job (source) ─▶ runs ─▶ outcome: what a run is kept by
+                                                                        │
+         comparison: how two outcomes differ ◀──────────────────────────┤
+              │                                                         ▼
+         convergence: error and time by edge length    results: numbers that runs are told by
+              │                                                         │
+              ├─▶ accuracy ─▶ accuracy_files                            ├─▶ sweep
+              ├─▶ effects                                               └─▶ sensitivity
+              └─▶ chooser: a run that keeps errors or time,                 (settings: sampling)
+                  by choice from pilots and step_settings
+"""
 
 from __future__ import annotations
 
 from lcmchain.study.accuracy import AccuracyStudy, study_accuracy
 from lcmchain.study.runs import Workers
-from lcmchain.study.scene_text import SceneText
-from lcmchain.study.source import Source, read_source
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import SceneText, read_source
 
 __all__ = [
     "AccuracyStudy",

@@ -1,14 +1,14 @@
 """Runs that keep a wish: errors that they may have, or time that they may take.
 
 Coarse meshes, the pilots, tell how the result depends on the edge length and what any mesh costs
-(:mod:`lcmchain.study.levels`). On the coarsest of them cheaper settings are tried: added mass,
+(:mod:`lcmchain.study.convergence`). On the coarsest of them cheaper settings are tried: added mass,
 softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
 damping leave errors that go with the speed of the process for the sheet: runs with more mass tell
 those of the scene's own process as well, also where only a time is wished for. Settings that make a
 check of the program worse are not taken, on the coarse mesh or after the run. Pilots on finer
 meshes are run with what is cheap, and as long as they cost little beside the run that they are for.
 Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
-told before what it takes (:mod:`lcmchain.study.rehearsal`). It is the check: what it differs from
+told before what it takes (:mod:`lcmchain.study.runs`). It is the check: what it differs from
 the pilots by shows its own error, and where the wish turns out to be missed, a finer mesh is run.
 
 It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
@@ -26,15 +26,21 @@ from pathlib import Path
 from lcmchain.check.large_mesh import shortest_edges
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
-from lcmchain.study.choice import Choice, Knowledge, choose, mm
+from lcmchain.study.choice import Choice, Knowledge, Wish, choose, mm
 from lcmchain.study.comparison import BY_NAME, differences, quantities_of
-from lcmchain.study.convergence import SCATTER, Convergence, fitted
-from lcmchain.study.levels import COUNTED, Level, error_laws, expected_seconds
+from lcmchain.study.convergence import (
+    COUNTED,
+    SCATTER,
+    Convergence,
+    Level,
+    error_laws,
+    expected_seconds,
+    fitted,
+)
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.process_pace import why_time_stays
-from lcmchain.study.rehearsal import DURATION, Rehearsal, rehearse
-from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.scene_text import SceneText
+from lcmchain.study.runs import DURATION, Progress, Rehearsal, Study, Workers, rehearse
+from lcmchain.study.source import Variant
+from lcmchain.study.sources import SceneText
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     LONGER,
@@ -44,9 +50,8 @@ from lcmchain.study.step_settings import (
     cheaper_rungs,
     inertia_trials,
     slower,
+    why_time_stays,
 )
-from lcmchain.study.variant import Variant
-from lcmchain.study.wish import Wish
 
 #: Elements along the edge of a square as large as the blank, of the pilots; even numbers, so that
 #: the middle of a symmetric blank is a node. Coarser ones follow no order.

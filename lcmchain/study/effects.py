@@ -16,10 +16,9 @@ from lcmchain.effects.switches import Switchable, switchable_effects
 from lcmchain.errors import InputError
 from lcmchain.study.comparison import QUANTITIES, Difference, differences
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.plain_table import plain_table, short
+from lcmchain.study.results import plain_table, short
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.source import Source
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Source, Variant
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ class Outcome:
     force : of the punch [N] over the part of the process that has passed, rows of (part, force),
         (M, 2); empty without tools.
     doubts : grades of the checks of the program that are not good, by name: their place in
-        :data:`lcmchain.report.grades.GRADES`.
+        :data:`lcmchain.thresholds.GRADES`.
     failure : why there is no result, in words; empty where there is one.
     """
 
@@ -100,8 +100,8 @@ class Outcome:
 
 def outcome_of(datasets: dict[str, xr.Dataset], summary: dict, scene: Scene) -> Outcome:
     """Return what is kept of a forming result (groups of ``forming.nc``, ``summary.json``)."""
-    from lcmchain.report.grades import GOOD, GRADES
-    from lcmchain.report.verdicts import verdicts
+    from lcmchain.judgements.grades import GOOD, GRADES
+    from lcmchain.judgements.verdicts import verdicts
 
     numbers = dict(summary)
     if "energy" in summary:

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from lcmchain.errors import InputError
 from lcmchain.quantities import units
 from lcmchain.quantities.units import Dimension, QuantityError, parse_quantity
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Variant
 
 #: Seed of the Latin hypercube: the same command gives the same samples.
 SEED = 20_240_607

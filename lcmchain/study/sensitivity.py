@@ -21,12 +21,10 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
-from lcmchain.study.plain_table import plain_table
-from lcmchain.study.results import RESULTS, results_of
+from lcmchain.study.results import RESULTS, plain_table, results_of
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.sampling import NUMBER
-from lcmchain.study.source import Source
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Source, Variant
 
 #: Part by which inputs are lowered and raised.
 PART = 0.1
@@ -39,7 +37,7 @@ TABLES = ("material.", "materials.", "contact.friction", "interfaces.")
 # a unit may begin with 1, as in "200 1/s"
 _NUMBERS = re.compile(rf"({NUMBER}(?:[\s,]+{NUMBER})*?)(?:\s+(1\s*/.*)|\s*([^\d\s.,+-].*))?")
 _FROM_PRESET = re.compile(r" \(preset .*\)$")
-#: Entries that a default is a copy of (:mod:`lcmchain.scene.read`).
+#: Entries that a default is a copy of (:mod:`lcmchain.scene.reading.read`).
 _COPY = re.compile(r" \((?:contact\.friction|process\.time)\)$")
 
 

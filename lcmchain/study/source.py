@@ -1,17 +1,52 @@
-"""What a study varies: a scene file, or a coupon test. Both answer the same few questions."""
+"""What a study varies, as a setting, and what any source of runs answers: scene file or coupon."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
-from lcmchain.coupons.pulled import PULLED
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.variant import Variant
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One setting.
+
+    Parameters
+    ----------
+    name : short, unique in a study.
+    axis : what is varied, such as ``edge length``.
+    overrides : ``key=value`` texts, as for :func:`lcmchain.scene.read_scene`.
+    value : of what is varied, in SI, for orders and charts; None where it is no number.
+    model : rung of the model ladder; None is that of the scene.
+    """
+
+    name: str
+    axis: str
+    overrides: tuple[str, ...] = ()
+    value: float | None = None
+    model: str | None = None
+
+
+def require_free(overrides: Sequence[str], of_study: Sequence[str]) -> None:
+    """Refuse to vary an entry that the study itself sets in every run: it would vary nothing.
+
+    Parameters
+    ----------
+    overrides : of a variant. of_study : those that the study puts behind them.
+
+    Raises
+    ------
+    InputError : names the entry.
+    """
+    taken = [text.partition("=")[0] for text in of_study]
+    for key in (text.partition("=")[0].strip() for text in overrides):
+        if any(key == entry or key.startswith((f"{entry}.", f"{entry}[")) for entry in taken):
+            raise InputError("cannot be varied: the study sets it in every run", key=key)
+
 
 #: Called with (completed, total, text).
 Progress = Callable[[float, float, str], None]
@@ -63,30 +98,3 @@ class Source(Protocol):
 
     def effect_parts(self) -> dict[str, float]:
         """Return the parts of a step's time that effects take, where they can be measured."""
-
-
-def read_source(name: Path | str, overrides: tuple[str, ...] = ()) -> Source:
-    """Return the scene of a file, or the coupon test of that name, to be varied by a study.
-
-    Raises
-    ------
-    InputError : there is neither such a file nor such a coupon, or an override is wrong.
-    """
-    from lcmchain.study.coupon_text import CouponText
-    from lcmchain.study.scene_text import SceneText
-
-    path = Path(name)
-    coupon = str(name).replace("_", "-")
-    source: Source
-    if coupon in PULLED and not path.exists():
-        source = CouponText(coupon, overrides)
-    elif path.exists() or path.suffix:
-        source = SceneText.from_file(path, overrides)
-    else:
-        near = difflib.get_close_matches(coupon, PULLED, 1, 0.5)
-        raise InputError(
-            f'"{name}" is neither a scene file nor a coupon that can be studied, which are '
-            f"{' and '.join(PULLED)}" + (f'; did you mean "{near[0]}"?' if near else "")
-        )
-    source.scene()  # wrong input is told before a folder is made
-    return source

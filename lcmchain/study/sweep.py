@@ -15,12 +15,10 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, write_netcdf
-from lcmchain.study.plain_table import plain_table
-from lcmchain.study.results import RESULTS, results_of
+from lcmchain.study.results import RESULTS, plain_table, results_of
 from lcmchain.study.runs import Progress, Study, Workers
 from lcmchain.study.sampling import Entry, in_si, number_and_unit, samples, with_unit
-from lcmchain.study.source import Source
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Source, Variant
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.scene.constituents import Fibre, Resin
+from lcmchain.scene.structure import Fibre, Resin
 
 
 class Ply(NamedTuple):

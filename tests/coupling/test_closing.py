@@ -18,7 +18,7 @@ from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.scene import infiltration_from_text
-from lcmchain.scene.fabrics import PUBLISHED
+from lcmchain.scene.presets import PUBLISHED
 
 LENGTH, WIDTH, COLUMNS, VISCOSITY = 0.2, 0.04, 20, 0.1
 SCENE = """

@@ -37,7 +37,7 @@ material = { preset = "MD600" }
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     """A folder of numbers of its own."""
-    monkeypatch.setattr("lcmchain.check.machine_speed.user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr("lcmchain.check.expected_cost.user_cache_path", lambda *_, **__: tmp_path)
     return tmp_path
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from lcmchain.check import estimate_run, run_effects, scene_warnings
 from lcmchain.check.expected_cost import contact_omega2
-from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.errors import InputError
+from lcmchain.judgements.quasi_static import process_time_needed
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

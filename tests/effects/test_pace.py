@@ -25,9 +25,9 @@ from lcmchain.fields import FrameSeries, Histories, model_datasets
 from lcmchain.fields.loads import force_parts
 from lcmchain.materials.shear_waves import shear_energy, shear_wave_speeds
 from lcmchain.model import build_model
-from lcmchain.scene import found_time as found_time_module
+from lcmchain.scene import process as process_module
 from lcmchain.scene import scene_from_text
-from lcmchain.scene.found_time import AVERAGING_PART, DAMPING_TIMES_TIME, PERIODS
+from lcmchain.scene.process import AVERAGING_PART, DAMPING_TIMES_TIME, PERIODS
 from lcmchain.solver import simulation as simulation_module
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PACE, SHEET_TIME, STEPS, TIME
@@ -237,7 +237,7 @@ def test_the_time_is_so_many_periods_of_the_slowest_shear_wave():
 
 
 def test_a_law_that_is_flat_somewhere_takes_no_endless_time(monkeypatch):
-    monkeypatch.setattr(found_time_module, "shear_wave_speeds", lambda material: (50.0, 1e-4))
+    monkeypatch.setattr(process_module, "shear_wave_speeds", lambda material: (50.0, 1e-4))
     assert scene().process.time == pytest.approx(PERIODS * 2.0 * 0.06 / 10.0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.check.tools_closing import closing_tools
+from lcmchain.check.tool_strokes import closing_tools
 from lcmchain.errors import InputError
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.tool_stops import stop_warnings, tool_stops

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
-from lcmchain.check.tools_closing import closing_tools, require_space
-from lcmchain.check.tools_without_touch import tools_out_of_reach
+from lcmchain.check.tool_strokes import closing_tools, require_space, tools_out_of_reach
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
@@ -18,7 +17,7 @@ from lcmchain.fields.history_group import history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming import variables_of
 from lcmchain.model import build_model
-from lcmchain.report.tool_view import tool_data
+from lcmchain.report.page_data import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance

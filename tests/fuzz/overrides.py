@@ -13,7 +13,7 @@ from mutations import NUMBERS, ODD_VALUES, TEXTS, UNITS, at, places, to_toml
 from scenes import base_documents, prepare
 
 from lcmchain.scene import read_scene
-from lcmchain.scene.overrides import parse_value
+from lcmchain.scene.reading.overrides import parse_value
 
 __all__ = ["make", "prepare"]
 

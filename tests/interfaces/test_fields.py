@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from stacks import T, of_points, ply, scene_of, stack
 from test_sliding import MU, sled
 
-from lcmchain.check.saved_frames import frame_bytes
+from lcmchain.check.large_mesh import frame_bytes
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
@@ -26,8 +26,8 @@ from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
-from lcmchain.report.captions import CAPTIONS
 from lcmchain.report.numbers import key_numbers, ply_numbers
+from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import draw_plies
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State

@@ -52,6 +52,7 @@ RANK_OF_CORE = {
     "statics": 4,
     "compile_beside": 5,
     "fields": 5,
+    "judgements": 6,
     "draping": 6,
     "report": 6,
     "pattern": 7,

@@ -6,20 +6,24 @@ from rich.console import Console
 
 from lcmchain.check import check_scene, large_mesh
 from lcmchain.check.large_mesh import checked_mesh
-from lcmchain.check.quasi_static import process_time_needed
 from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import stack_tables
+from lcmchain.check.tool_strokes import closing_tools, tools_that_close
 from lcmchain.check.tools_at_start import require_no_initial_overlap
-from lcmchain.check.tools_closing import closing_tools, tools_that_close
 from lcmchain.effects.audit import effects_of
 from lcmchain.errors import InputError
+from lcmchain.judgements.quasi_static import process_time_needed
+from lcmchain.judgements.verdicts import field_verdicts
 from lcmchain.model import build_model
-from lcmchain.report.field_verdicts import field_verdicts
-from lcmchain.scene.infiltration_file import is_scene_file
-from lcmchain.scene.origin import formed_material, formed_permeability, formed_plies
-from lcmchain.study.ladder import ladder
-from lcmchain.study.scene_text import SceneText
+from lcmchain.scene.reading.single_tables import (
+    formed_material,
+    formed_permeability,
+    formed_plies,
+    is_scene_file,
+)
+from lcmchain.study.accuracy import ladder
 from lcmchain.study.sensitivity import default_inputs
+from lcmchain.study.sources import SceneText
 
 PLY = '[[plies]]\nsize = ["40 mm", "40 mm"]\nedge_length = "10 mm"\n'
 MD600 = 'material = { preset = "MD600" }\n'

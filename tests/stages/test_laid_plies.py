@@ -12,8 +12,8 @@ import pytest
 from rich.console import Console
 
 from lcmchain.check.tables import stack_tables, stage_table
+from lcmchain.check.tool_strokes import closing_tools, require_space, tools_that_close
 from lcmchain.check.tools_at_start import gaps_of_stack
-from lcmchain.check.tools_closing import closing_tools, require_space, tools_that_close
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.errors import InputError, SimulationError

@@ -11,7 +11,7 @@ from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.fields.stages import rest_warnings, springback, stage_summary
 from lcmchain.fmu.frames import with_present
 from lcmchain.pipeline import run
-from lcmchain.report.stages import stage_chapters
+from lcmchain.report.chapters import stage_chapters
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.rest import _stop
 from lcmchain.solver.simulation import Simulation

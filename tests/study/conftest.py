@@ -2,7 +2,7 @@
 
 import pytest
 
-from lcmchain.study.scene_text import SceneText
+from lcmchain.study.sources import SceneText
 
 SCENE = """
 title = "dent"

@@ -16,12 +16,12 @@ from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import chooser as chooser_module
+from lcmchain.study.choice import read_wish
 from lcmchain.study.chooser import SPARE, Chooser
 from lcmchain.study.comparison import differences
-from lcmchain.study.convergence import Convergence
-from lcmchain.study.levels import error_laws
+from lcmchain.study.convergence import Convergence, error_laws
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.rehearsal import DURATION, Rehearsal, rehearse
+from lcmchain.study.runs import DURATION, Rehearsal, rehearse
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     MASSES,
@@ -29,7 +29,6 @@ from lcmchain.study.step_settings import (
     StepSettings,
     cheaper_rungs,
 )
-from lcmchain.study.wish import read_wish
 
 from .test_comparison import SIZE, sheet
 

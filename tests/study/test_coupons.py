@@ -10,10 +10,10 @@ from lcmchain.cli import app
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.errors import InputError
 from lcmchain.study import Variant, Workers, read_source
+from lcmchain.study.accuracy import RUNG, ladder
 from lcmchain.study.comparison import differences
-from lcmchain.study.ladder import RUNG, ladder
 from lcmchain.study.runs import RUNS, Study, make_run
-from lcmchain.study.scene_text import SceneText
+from lcmchain.study.sources import SceneText
 
 #: A small strip, pulled a little: a run takes a moment.
 SMALL = (

@@ -11,7 +11,7 @@ from lcmchain.effects.switches import switchable_effects
 from lcmchain.errors import InputError
 from lcmchain.study import effects as effects_module
 from lcmchain.study import read_source
-from lcmchain.study import scene_text as scene_text_module
+from lcmchain.study import sources as sources_module
 from lcmchain.study.effects import effects_table, study_effects, write_effects
 
 
@@ -27,9 +27,9 @@ def two_effects(monkeypatch):
         return [EffectCost(e, 2e-8, 1e-8) for e in two(scene) if e.name == "damping"]
 
     monkeypatch.setattr(effects_module, "switchable_effects", two)
-    monkeypatch.setattr(scene_text_module, "measure_effects", cost)
+    monkeypatch.setattr(sources_module, "measure_effects", cost)
     monkeypatch.setattr(
-        scene_text_module, "record_effect_parts", lambda model, parts: recorded.update(parts)
+        sources_module, "record_effect_parts", lambda model, parts: recorded.update(parts)
     )
     return recorded
 

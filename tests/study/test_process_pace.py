@@ -4,11 +4,9 @@ import pytest
 
 from lcmchain.study import accuracy as accuracy_module
 from lcmchain.study import read_source
-from lcmchain.study.ladder import TIME, ladder
-from lcmchain.study.page import write_page
-from lcmchain.study.process_pace import why_time_stays
-from lcmchain.study.step_settings import StepSettings, inertia_trials, slower
-from lcmchain.study.tables import markdown
+from lcmchain.study.accuracy import TIME, ladder
+from lcmchain.study.accuracy_files import markdown, write_page
+from lcmchain.study.step_settings import StepSettings, inertia_trials, slower, why_time_stays
 
 from .test_comparison import sheet
 

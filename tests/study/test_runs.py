@@ -15,12 +15,10 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.study import runs as runs_module
-from lcmchain.study.accuracy import study_accuracy
-from lcmchain.study.files import write_accuracy
-from lcmchain.study.ladder import ladder
+from lcmchain.study.accuracy import ladder, study_accuracy
+from lcmchain.study.accuracy_files import markdown, terminal_table, write_accuracy
 from lcmchain.study.runs import RUNS, Study, Workers
-from lcmchain.study.tables import markdown, terminal_table
-from lcmchain.study.variant import Variant
+from lcmchain.study.source import Variant
 
 EDGES = [Variant(f"{e} mm", "edge length", (f"blank.edge_length={e} mm",), e * 1e-3)
          for e in (10, 8, 5)]  # fmt: skip

@@ -13,12 +13,11 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import accuracy
-from lcmchain.study.accuracy import study_accuracy
+from lcmchain.study.accuracy import ladder, scene_name, study_accuracy
+from lcmchain.study.choice import read_wish
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, carry, contour_difference, differences
-from lcmchain.study.ladder import ladder, scene_name
 from lcmchain.study.outcome import Outcome, outcome_of_sheet, read_outcome, write_outcome
-from lcmchain.study.wish import read_wish
 
 from .conftest import SCENE
 

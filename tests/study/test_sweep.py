@@ -10,8 +10,8 @@ from lcmchain.errors import InputError
 from lcmchain.study.results import RESULTS
 from lcmchain.study.runs import LONGEST_NAME, Study, file_name
 from lcmchain.study.sampling import in_si, number_and_unit, read_entry, samples
+from lcmchain.study.source import Variant
 from lcmchain.study.sweep import SweptRun, write_sweep
-from lcmchain.study.variant import Variant
 
 
 def test_a_value_that_is_added_leaves_the_names_of_the_others(dent, tmp_path):

@@ -8,8 +8,7 @@ import math
 import pytest
 from rich.console import Console
 
-from lcmchain.check.expected_cost import Estimate
-from lcmchain.check.machine_speed import Speed
+from lcmchain.check.expected_cost import Estimate, Speed
 from lcmchain.check.tables import cost_table
 from lcmchain.quantities.durations import duration_text
 from lcmchain.quantities.places import millimetres

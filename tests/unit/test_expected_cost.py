@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from lcmchain.check import estimate_run, machine_speed
+from lcmchain.check import estimate_run, expected_cost
 from lcmchain.check.expected_cost import (
     contact_between_plies,
     contact_omega2,
@@ -116,30 +116,30 @@ def test_shear_shortens_the_steps_of_triangles():
 
 
 def test_speed_is_that_of_the_fastest_of_the_last_runs_here(monkeypatch, tmp_path):
-    monkeypatch.setattr(machine_speed, "user_cache_path", lambda *_, **__: tmp_path)
+    monkeypatch.setattr(expected_cost, "user_cache_path", lambda *_, **__: tmp_path)
     model = model_of(PLATES)
-    assumed = machine_speed.machine_speed(model)
+    assumed = expected_cost.machine_speed(model)
     assert assumed.source == "assumed"
     threads = worthwhile_threads(model.element_count)
-    machine_speed.record_speed(model, threads, 100, 1.0)  # too short to say anything
-    assert machine_speed.machine_speed(model) == assumed
+    expected_cost.record_speed(model, threads, 100, 1.0)  # too short to say anything
+    assert expected_cost.machine_speed(model) == assumed
     for seconds in (3.0, 2.0, 50.0):
-        machine_speed.record_speed(model, threads, 10_000, seconds)
-    found = machine_speed.machine_speed(model)
+        expected_cost.record_speed(model, threads, 10_000, seconds)
+    found = expected_cost.machine_speed(model)
     assert found.seconds_per_element_step == pytest.approx(2.0 / 10_000 / model.element_count)
     assert "last runs here" in found.source
     estimate = estimate_run(model)
     per_step = model.element_count * found.seconds_per_element_step
     assert estimate.seconds == pytest.approx(estimate.step_count * per_step)
     # other kernels, threads and sizes are not mistaken for these
-    machine_speed.record_speed(model, threads + 1, 10_000, 1e-3)
-    assert machine_speed.machine_speed(model) == found
+    expected_cost.record_speed(model, threads + 1, 10_000, 1e-3)
+    assert expected_cost.machine_speed(model) == found
     triangles = model_of(PLATES, "element=membrane-shell")
-    assert machine_speed.machine_speed(triangles).source == "assumed"
+    assert expected_cost.machine_speed(triangles).source == "assumed"
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", '{"x": 1}', "{", json.dumps({"a": [1e9, "b"]})])
 def test_a_spoilt_file_of_speeds_is_no_error(monkeypatch, tmp_path, content):
-    monkeypatch.setattr(machine_speed, "user_cache_path", lambda *_, **__: tmp_path)
-    (tmp_path / machine_speed.FILE).write_text(content, encoding="utf-8")
-    assert machine_speed.machine_speed(model_of(PLATES)).source == "assumed"
+    monkeypatch.setattr(expected_cost, "user_cache_path", lambda *_, **__: tmp_path)
+    (tmp_path / expected_cost.FILE).write_text(content, encoding="utf-8")
+    assert expected_cost.machine_speed(model_of(PLATES)).source == "assumed"

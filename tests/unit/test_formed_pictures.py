@@ -16,20 +16,16 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
-from lcmchain.report import draw_result, sections, travel
+from lcmchain.report import draw_result, plots, sections
 from lcmchain.report.animation import draw_animation
-from lcmchain.report.captions import CAPTIONS, caption_of
-from lcmchain.report.cut import Plane, cut_sheet
-from lcmchain.report.extremes import mark_extremes
+from lcmchain.report.drawn_tools import BEHIND, DepthBuffer, RunTools, draw_tool, hidden_and_seen
 from lcmchain.report.fibre_segments import even_choice, fibre_segments
-from lcmchain.report.formed import draw_fibre_directions
-from lcmchain.report.renderer import axes_at, fit_axis
+from lcmchain.report.pictures import draw_fibre_directions
+from lcmchain.report.renderer import axes_at, fit_axis, mark_extremes
 from lcmchain.report.run_pictures import draw_run, require_film
-from lcmchain.report.run_tools import RunTools
-from lcmchain.report.sections import default_planes, draw_sections
-from lcmchain.report.shown import SHOWN
+from lcmchain.report.sections import Plane, cut_sheet, default_planes, draw_sections
+from lcmchain.report.shown import CAPTIONS, SHOWN, caption_of
 from lcmchain.report.style import new_figure
-from lcmchain.report.transparent import BEHIND, DepthBuffer, draw_tool, hidden_and_seen
 from lcmchain.report.view import FROM_ABOVE, oblique
 from lcmchain.scene import scene_from_text
 from lcmchain.tools.table import build_tool_table
@@ -302,7 +298,7 @@ def test_the_scene_gives_the_sections(tmp_path, blank, datasets, monkeypatch):
     )
     seen = {}
     monkeypatch.setattr(
-        "lcmchain.report.pictures.draw_sections",
+        "lcmchain.report.run_pictures.draw_sections",
         lambda path, datasets, planes, *rest: seen.update(planes=planes),
     )
     table = build_tool_table(scene.tools, scene.source.directory, scene.process.time)
@@ -386,9 +382,9 @@ def test_every_picture_has_a_caption(datasets, tools, tmp_path):
 def test_forces_are_drawn_over_the_travel_of_their_own_tool(datasets, tmp_path, monkeypatch):
     """The die does not travel, and stands over the punch; means lie in the middle of intervals."""
     figures = []
-    monkeypatch.setattr(travel, "save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     history = datasets[HISTORY]
-    travel.draw_force_over_travel(tmp_path / "f.png", history)
+    plots.draw_force_over_travel(tmp_path / "f.png", history)
     names = ("force", "peak_force", "peak_time", "travel", "work")
     sampled = xr.Dataset(
         {f"history_tool_{name}": (("history_time", "tool"), np.array([[1.0, 2.0], [3.0, 6.0]]))
@@ -398,7 +394,7 @@ def test_forces_are_drawn_over_the_travel_of_their_own_tool(datasets, tmp_path, 
         | {"tool": history["tool"], "tool_travel": history["tool_travel"]},
         coords={"history_time": [0.01, 0.02]},
     )  # fmt: skip
-    travel.draw_force_over_travel(tmp_path / "f.png", sampled)
+    plots.draw_force_over_travel(tmp_path / "f.png", sampled)
     of_frames, of_samples = (figure.axes for figure in figures)
     assert [axis.get_xlabel() for axis in of_frames] == ["travel of the punch [mm]", "travel [mm]"]
     np.testing.assert_allclose(of_frames[1].lines[0].get_xydata(), [[0, 0], [0.5, 1.5], [1, 3]])

@@ -18,7 +18,7 @@ from lcmchain.errors import InputError
 from lcmchain.manual.contents import read_page
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
-from lcmchain.scene.cases.closing import close_moulds
+from lcmchain.scene.cases.moulds import close_moulds
 from lcmchain.scene.cases.sheet import round_edge_length
 from lcmchain.tools.surfaces.reading import read_surface
 

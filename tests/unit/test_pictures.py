@@ -11,7 +11,6 @@ from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.mesh.blank import build_blank
 from lcmchain.report import draw_initial, draw_result
-from lcmchain.report.captions import CAPTIONS
 from lcmchain.report.renderer import (
     axes_at,
     draw_colour_bar,
@@ -20,7 +19,7 @@ from lcmchain.report.renderer import (
     even_places,
     fit_axis,
 )
-from lcmchain.report.shown import SHOWN, colour_scale
+from lcmchain.report.shown import CAPTIONS, SHOWN, colour_scale
 from lcmchain.report.style import new_figure, save
 from lcmchain.report.view import (
     FROM_ABOVE,

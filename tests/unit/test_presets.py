@@ -16,8 +16,7 @@ from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.manual.preset_reference import preset_page
 from lcmchain.materials.fabric import FabricMaterial, PresetName
 from lcmchain.scene import scene_from_text
-from lcmchain.scene.fabrics import PUBLISHED
-from lcmchain.scene.presets import PRESETS
+from lcmchain.scene.presets import PRESETS, PUBLISHED
 
 SCENE = """
 process = { time = "1 s", gravity = true }

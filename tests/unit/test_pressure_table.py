@@ -32,7 +32,7 @@ from lcmchain.materials.pressure_table import PressureCurve, PressureTable
 from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.run_files import input_files
 from lcmchain.scene import read_scene, scene_from_text
-from lcmchain.scene.origin import formed_material, formed_plies
+from lcmchain.scene.reading.single_tables import formed_material, formed_plies
 from lcmchain.verification import random_elements as make
 
 MD600 = (0.1563e6, 60.4653, 2.4528)

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.check import check_scene
-from lcmchain.check.quasi_static import (
+from lcmchain.judgements.quasi_static import (
     idle_energy,
     milliseconds,
     process_time_needed,

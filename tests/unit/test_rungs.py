@@ -11,8 +11,8 @@ from lcmchain.elements.membrane_shell.membrane import MembraneData
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import RUNGS, left_out_of, on_rung, rung_of, scene_from_text
-from lcmchain.scene.origin import formed_permeability
-from lcmchain.scene.read import OVERRIDE
+from lcmchain.scene.reading.read import OVERRIDE
+from lcmchain.scene.reading.single_tables import formed_permeability
 
 PLAIN = """
 title = "dome"

@@ -10,17 +10,19 @@ import numpy as np
 import pytest
 
 from lcmchain import __version__
-from lcmchain.check.quasi_static import (
+from lcmchain.fields import FrameSeries, build_datasets, field_summary
+from lcmchain.judgements.contact import penetration_warnings
+from lcmchain.judgements.quasi_static import (
     balance_remedies,
     balance_warning,
     process_time_needed,
+    still_moving_warning,
 )
-from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.state import HALVINGS
-from lcmchain.summary import energy_measures, run_head, run_summary, run_warnings
+from lcmchain.summary import energy_measures, run_head, run_summary
 
 SCENE = """
 title = "four elements"
@@ -233,8 +235,9 @@ def test_what_makes_a_result_questionable_is_said(changes, words):
         "kinetic_to_internal_end": 0.049,
         "penetration_max_m": {"die": 0.99e-4, "press": 0.0},
     }
-    assert run_warnings(sound, 1e-3) == []
-    (warning,) = run_warnings(sound | changes, 1e-3)
+    assert still_moving_warning(sound) + penetration_warnings(sound, 1e-3) == []
+    changed = sound | changes
+    (warning,) = still_moving_warning(changed) + penetration_warnings(changed, 1e-3)
     assert words in warning
 
 

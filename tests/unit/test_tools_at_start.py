@@ -12,8 +12,7 @@ from PIL import Image
 from rich.console import Console
 
 from lcmchain.check import check_scene
-from lcmchain.check.smallest_gap import smallest_gap
-from lcmchain.check.tools_at_start import initial_gaps, require_no_initial_overlap
+from lcmchain.check.tools_at_start import initial_gaps, require_no_initial_overlap, smallest_gap
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import build_blank

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lcmchain.check import check_scene
-from lcmchain.check.tools_without_touch import tools_never_touched, tools_out_of_reach
+from lcmchain.check.tool_strokes import tools_never_touched, tools_out_of_reach
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

@@ -5,23 +5,25 @@ import re
 import numpy as np
 import pytest
 
-from lcmchain.check.quasi_static import (
-    balance_warning,
-    process_time_needed,
-    quasi_static_warnings,
-    snap_warnings,
-)
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.waves import elements_per_wave, wave_warnings
+from lcmchain.judgements.contact import penetration_warnings
+from lcmchain.judgements.grades import Verdict, worst_grade
+from lcmchain.judgements.quasi_static import (
+    balance_warning,
+    process_time_needed,
+    quasi_static_warnings,
+    snap_warnings,
+    still_moving_warning,
+)
+from lcmchain.judgements.verdicts import verdicts
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.triangulation import triangulate
 from lcmchain.model import build_model
-from lcmchain.report.grades import Verdict, percent, worst_grade
-from lcmchain.report.verdicts import verdicts
+from lcmchain.quantities.rounded import percent
 from lcmchain.scene import scene_from_text
-from lcmchain.summary import run_warnings
 
 SCENE = """
 process = { time = "200 ms" }
@@ -124,7 +126,8 @@ def test_a_check_is_doubtful_exactly_where_the_summary_warns(scene, datasets, en
     summary = SOUND | {entry: {"punch": value} if entry == "penetration_max_m" else value}
     needed = process_time_needed(build_model(scene))
     warned = bool(
-        run_warnings(summary, scene.material.thickness)
+        still_moving_warning(summary)
+        + penetration_warnings(summary, scene.material.thickness)
         + balance_warning(summary, scene)
         + quasi_static_warnings(summary, scene, needed)
     )

@@ -13,10 +13,10 @@ from lcmchain.fields.wrinkle_risk import (
     critical_strains,
     wrinkle_risk,
 )
+from lcmchain.judgements.verdicts import field_verdicts
 from lcmchain.materials.law import locking_angles
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_sheet
-from lcmchain.report.field_verdicts import field_verdicts
 from lcmchain.scene import scene_from_text
 from lcmchain.statics.pair_system import PairSystem
 from lcmchain.tools.table import build_tool_table

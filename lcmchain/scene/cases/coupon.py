@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from lcmchain.scene.cases.sheet import Process, Sheet, round_edge_length, sheet_text
-from lcmchain.scene.cases.template import filled, mm, wrapped_comment
-from lcmchain.scene.fabrics import Basis, PublishedFabric
+from lcmchain.scene.cases.sheet import (
+    Process,
+    Sheet,
+    filled,
+    mm,
+    round_edge_length,
+    sheet_text,
+    wrapped_comment,
+)
+from lcmchain.scene.presets import Basis, PublishedFabric
 
 SPECIMEN = 0.02  # side of the piece between the plates [m]
 #: Thickness at the end over that of the unloaded fabric.

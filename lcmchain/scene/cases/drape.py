@@ -19,10 +19,12 @@ from lcmchain.scene.cases.sheet import (
     ELEMENTS_ALONG_BLANK,
     Process,
     Sheet,
+    filled,
+    mm,
+    quoted,
     round_edge_length,
     sheet_text,
 )
-from lcmchain.scene.cases.template import filled, mm, quoted
 from lcmchain.tools.surfaces.reading import read_surface
 
 #: Shapes by their name on the command line, with what they are.

@@ -9,11 +9,12 @@ from lcmchain.scene.cases.sheet import (
     ELEMENTS_ALONG_BLANK,
     Process,
     Sheet,
+    filled,
+    mm,
     round_edge_length,
     sheet_text,
     two_digits,
 )
-from lcmchain.scene.cases.template import filled, mm
 
 # Of the published hemisphere: 1.7 kg and 100 N s/m on 300 mm x 300 mm, an edge rounded by 10 mm at
 # a punch of 75 mm; 2 mm between punch and hole with a fabric of 1 mm. Elements of 5 mm

@@ -13,7 +13,7 @@ import xarray as xr
 
 from lcmchain import cli
 from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
-from lcmchain.report.fillings import dry_spot_rows
+from lcmchain.report.chapters import dry_spot_rows
 
 from .conftest import POROSITY, strip, write_forming
 

@@ -13,7 +13,7 @@ from lcmchain.coupling.infiltration.formed_part import unformed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill, map_and_fill
 from lcmchain.errors import InputError
-from lcmchain.scene.infiltration_file import infiltration_from_text
+from lcmchain.scene.reading.single_tables import infiltration_from_text
 
 # As RTMsim's own example: a comment behind every line, the mesh in a folder beside.
 INPUT = """\

@@ -10,7 +10,7 @@ from lcmchain.mapping.structure.micromechanics import chamis
 from lcmchain.mapping.structure.stiffness import homogenised, ply_stiffness, turned
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import structure_from_text
-from lcmchain.scene.constituents import Fibre, Resin
+from lcmchain.scene.structure import Fibre, Resin
 
 from .conftest import MATERIAL, condition, needs_calculix, plane
 

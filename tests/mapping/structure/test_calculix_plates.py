@@ -8,7 +8,7 @@ import xarray as xr
 from lcmchain.mapping import map_file
 from lcmchain.mapping.structure import SolverOptions, analyse
 from lcmchain.scene import structure_from_text
-from lcmchain.scene.constituents import Fibre, Resin
+from lcmchain.scene.structure import Fibre, Resin
 
 from .conftest import (
     MATERIAL,

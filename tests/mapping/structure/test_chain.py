@@ -12,7 +12,8 @@ from lcmchain import cli
 from lcmchain.errors import InputError, MappingError
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
-from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin
+from lcmchain.scene.presets import FIBRES, RESINS
+from lcmchain.scene.structure import Fibre, Resin
 
 from .conftest import needs_calculix
 

@@ -5,7 +5,8 @@ import pytest
 
 from lcmchain.mapping.structure.micromechanics import MODELS, chamis, halpin_tsai, mori_tanaka
 from lcmchain.mapping.structure.stiffness import ply_stiffness
-from lcmchain.scene.constituents import FIBRES, RESINS, Fibre, Resin
+from lcmchain.scene.presets import FIBRES, RESINS
+from lcmchain.scene.structure import Fibre, Resin
 
 CARBON, EPOXY = Fibre(preset="T300"), Resin(preset="MY750")
 V = np.array([0.2, 0.45, 0.6])

@@ -12,7 +12,7 @@ from lcmchain.mapping.structure.stiffness import (
     reduced,
     turned,
 )
-from lcmchain.scene.constituents import Fibre, Resin
+from lcmchain.scene.structure import Fibre, Resin
 
 PAIRS = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 ANGLES = np.radians([20.0, -75.0, 130.0])

@@ -1,0 +1,302 @@
+"""From pydantic's errors to sentences that name the scene key and say what to do."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from lcmchain.errors import shortened
+from lcmchain.scene.reading.walk import (
+    annotation_at,
+    choices_of,
+    field_at,
+    inner_models,
+    model_at,
+    models_of,
+    tags_at,
+    tags_of,
+)
+
+#: The entry that chooses between the forms of a table.
+DISCRIMINATORS = {
+    "material": "law",
+    "permeability": "law",
+    "element": "type",
+    "shape": "type",
+    "motion": "type",
+    "resin": "law",
+    "cure": "law",
+    "temperature": "law",
+    "closure": "type",
+}
+#: The same for lists of tables with forms.
+LIST_DISCRIMINATORS = {"laws": "type"}
+
+#: Table of materials that have names of their own.
+NAMED_MATERIALS = "materials"
+
+#: Examples of tables, for messages about a missing one.
+_TABLE_EXAMPLES = {
+    "process": '[process] with time = "100 ms"',
+    "element": 'element = "solid-shell"',
+    "blank": '[blank] with size = ["300 mm", "300 mm"] and edge_length = "5 mm"',
+    "material": '[material] with preset = "MD600"',
+    "shape": 'shape = { type = "plate", side = "below" }',
+    "motion": 'motion = { type = "fixed" }',
+    "membrane": "[material.membrane]",
+    "compaction": "[material.compaction]",
+    "bending": "[material.bending]",
+    "fibre": 'fibre = { preset = "T300" }',
+    "resin": 'resin = { preset = "MY750" }',
+    "temperature": 'temperature = { law = "constant", value = "60 degC" }',
+}
+
+#: That of a resin that flows; the resin of a laminate bears the same name.
+_FLOWING_RESIN = 'resin = { law = "constant", viscosity = "0.1 Pa*s" }'
+
+_PLIES = (
+    "plies that lie on each other stand in [[plies]], bottom first, or in the short form "
+    'layup = "[0/90, 45/-45]s" beside [blank] and [material]'
+)
+_OUTLINE = (
+    "[blank] and [[plies]] have holes, darts and slits, each a list of points, and drawing for a "
+    "DXF file (lcmchain docs outlines); notches are corners of outline"
+)
+_HELD_BY_TOOLS = (
+    "[[grippers]] hold, lead or pull a place of the sheet (lcmchain docs grippers); a plate with "
+    'motion = { type = "guided", ... } presses with its mass and force as a blank holder does'
+)
+_LOADS = (
+    "what loads the sheet is a tool with a stroke or a force (motion = "
+    '{ type = "guided", ... }), [[pressure]] on a face, and process.gravity'
+)
+#: What a scene has for a concept that other programs have a key for; keys in the singular.
+_CONCEPTS = {
+    **dict.fromkeys(
+        ("layer", "ply", "stack", "layup", "lay_up", "laminate", "body", "bodie", "sheet"),
+        _PLIES,
+    ),
+    **dict.fromkeys(("hole", "cutout", "opening", "notch", "notche", "slit", "cut"), _OUTLINE),
+    **dict.fromkeys(
+        (
+            "clamp", "gripper", "grip", "spring", "holder", "blank_holder", "blankholder",
+            "support", "constraint", "boundary", "boundary_condition", "fixed", "fixture",
+            "tension",
+        ),
+        _HELD_BY_TOOLS,
+    ),
+    **dict.fromkeys(("load", "force", "bag", "vacuum", "diaphragm", "membrane_bag"), _LOADS),
+    **dict.fromkeys(
+        ("symmetry", "symmetrie", "symmetry_plane"),
+        "there are no planes of symmetry; give the whole blank and whole tools",
+    ),
+    **dict.fromkeys(
+        ("temperature", "heating", "viscosity", "rate"),
+        "what of a fabric's shear depends on rate and temperature stands in [material.viscous]; "
+        "viscosity and temperature of the resin stand in [infiltration]",
+    ),
+    **dict.fromkeys(
+        ("step", "stage", "phase"),
+        'a scene is one process; motion = { type = "table", ... } lets a tool move, stand and '
+        "return within it",
+    ),
+    **dict.fromkeys(
+        ("time_step", "timestep", "dt"),
+        "the time step follows from the stability limit, of which process.step_safety is a part",
+    ),
+}  # fmt: skip
+
+#: Wrong entries that are explained; a file with more of them has one cause.
+MOST_PROBLEMS = 200
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong in a scene: the key, and what to do about it."""
+
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.key}: {self.message}" if self.key else self.message
+
+
+def problems_of(
+    error: ValidationError, data: dict[str, Any], at: tuple[str | int, ...] = ()
+) -> list[Problem]:
+    """Explain a validation error of a scene, one problem per wrong entry, in file order.
+
+    Only the first ``MOST_PROBLEMS`` are explained.
+
+    Parameters
+    ----------
+    error : raised when `data`, or the table in it, was validated.
+    data : the parsed TOML document, overrides included.
+    at : where in a scene the table stands that was validated; keys are told from there.
+    """
+    problems = []
+    for details in error.errors(include_url=False)[:MOST_PROBLEMS]:
+        location = _without_tags((*at, *details["loc"]), data)
+        field = details.get("ctx", {}).get("field", "")
+        key = key_text(location, data).removeprefix(key_text(at, data)).lstrip(".")
+        if field:
+            separator = "" if not key or field.startswith("[") else "."
+            key = f"{key}{separator}{field}"
+        message = _message(details, location, data)
+        if details["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            key = f"{key}.{_discriminator(location)}"
+        problems.append(Problem(key, message))
+    return _without_echoes(problems)
+
+
+def _without_echoes(problems: list[Problem]) -> list[Problem]:
+    """Drop the missing key where the same key is there, misspelt or in the wrong table."""
+    answered = {
+        f"{problem.key.rpartition('.')[0]}.{match[1]}".lstrip(".")
+        for problem in problems
+        if (match := re.match(r'unknown key; did you mean "(\w+)"', problem.message))
+    }
+    kept = []
+    for problem in problems:
+        echo = problem.key in answered and problem.message.startswith("is missing")
+        if not echo and problem not in kept:
+            kept.append(problem)
+    return kept
+
+
+def key_text(location: Sequence[str | int], data: Any) -> str:
+    """Write a location as a dotted key with names of list entries: ``tools[2] "holder".axis``."""
+    text = ""
+    node = data
+    for step in location:
+        if isinstance(step, int):
+            text += f"[{step}]"
+            node = node[step] if isinstance(node, (list, tuple)) and step < len(node) else None
+            if isinstance(node, dict) and isinstance(node.get("name"), str):
+                text += f' "{shortened(node["name"])}"'
+        else:
+            text += f".{step}" if text else step
+            node = node.get(step) if isinstance(node, dict) else None
+    return text
+
+
+def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, ...]:
+    """Drop the names of chosen forms that pydantic puts between a table and its keys."""
+    result: list[str | int] = []
+    choosing = False
+    for step in location:
+        if not choosing:
+            result.append(step)
+        # "resin" names a table with forms here and one without there
+        is_named_material = result[:-1] == [NAMED_MATERIALS]
+        is_of_list = isinstance(step, int) and len(result) > 1 and result[-2] in LIST_DISCRIMINATORS
+        may_choose = not choosing and (step in DISCRIMINATORS or is_named_material or is_of_list)
+        choosing = may_choose and len(models_of(annotation_at(result, data))) > 1
+    return tuple(result)
+
+
+def _discriminator(location: Sequence[str | int]) -> str:
+    """Return the entry that chooses between the forms of the table at a location."""
+    if isinstance(location[-1], int):
+        return LIST_DISCRIMINATORS[str(location[-2])]
+    is_named_material = tuple(location[:-1]) == (NAMED_MATERIALS,)
+    return DISCRIMINATORS["material" if is_named_material else str(location[-1])]
+
+
+def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
+    kind, context = details["type"], details.get("ctx", {})
+    name = str(location[-1]) if location else ""
+    if kind == "scene":
+        return context["message"]
+    if kind == "missing":
+        return f"is missing; {_wanted(location, data)}"
+    if kind == "extra_forbidden":
+        return _unknown_key(name, location, data)
+    if kind == "literal_error":
+        model_field = field_at(location, data)
+        choices = choices_of(model_field.annotation) if model_field else ()
+        return _choice_message(details["input"], choices)
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        choices = tuple(tags_at(location, data))
+        if kind == "union_tag_invalid":
+            return _choice_message(details["input"].get(_discriminator(location)), choices)
+        preset = ' (or preset = "MD600")' if name == "material" else ""
+        return f"is missing; write one of {_listed(choices)}{preset}"
+    if kind in ("bool_type", "bool_parsing"):
+        return f"must be true or false without quotes, but is {_toml_like(details['input'])}"
+    if kind in ("model_type", "model_attributes_type", "dict_type", "dict_attributes_type"):
+        return f"must be a table, but is {_toml_like(details['input'])}; {_wanted(location, data)}"
+    return f"{details['msg'][0].lower()}{details['msg'][1:]}"
+
+
+def _wanted(location: tuple[str | int, ...], data: Any) -> str:
+    name = str(location[-1])
+    if name == "resin" and len(models_of(annotation_at(location, data))) > 1:
+        return f"for example {_FLOWING_RESIN}"  # it flows by one of several laws
+    if name in _TABLE_EXAMPLES:
+        return f"for example {_TABLE_EXAMPLES[name]}"
+    model_field = field_at(location, data)
+    if model_field is not None:
+        for extra in model_field.metadata:
+            if hasattr(extra, "example_text"):
+                return f"for example {name} = {extra.example_text}"
+        choices = choices_of(model_field.annotation)
+        if choices:
+            return f"write {name} = one of {_listed(choices)}"
+    return f"give {name}"
+
+
+def _choice_message(value: Any, choices: Sequence[str]) -> str:
+    close = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.5)
+    hint = f'; did you mean "{close[0]}"?' if close else ""
+    return f"is {_toml_like(value)}, but must be one of {_listed(choices)}{hint}"
+
+
+def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
+    model = model_at(location[:-1], data)
+    keys = sorted(model.model_fields) if model else []
+    # Tables of other stages have loads, layers and temperatures of their own.
+    of_forming = location[0] not in ("mapping", "infiltration")
+    for other in models_of(annotation_at(location[:-1], data)):
+        if model is not None and name in other.model_fields:
+            own, tag = tags_of(model)[0], tags_of(other)[0]
+            return f'unknown key here; it belongs to "{tag}", but this is "{own}"'
+    # A key that is right one table further in or out is the commonest slip after spelling.
+    for table, inner in inner_models(location[:-1], data):
+        if name in inner.model_fields:
+            return f'unknown key here; it belongs into "{table}" ({table}.{name})'
+    for depth in range(len(location) - 2, -1, -1):
+        outer = model_at(location[:depth], data)
+        if outer is not None and name in outer.model_fields:
+            place = key_text(location[:depth], data)
+            return f"unknown key here; it belongs into {f'[{place}]' if place else 'the top level'}"
+    concept = _CONCEPTS.get(name.lower().removesuffix("s"))
+    if concept is not None and of_forming:
+        return f"unknown key; {concept}"
+    close = difflib.get_close_matches(name, keys, n=1, cutoff=0.6)
+    if not close:
+        close = [key for key in keys if key.lower() == name.lower()]
+    if close:
+        return f'unknown key; did you mean "{close[0]}"?'
+    return f"unknown key; possible here: {', '.join(keys)}"
+
+
+def _listed(choices: Sequence[str]) -> str:
+    return ", ".join(f'"{choice}"' for choice in choices)
+
+
+def _toml_like(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{shortened(value)}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, (list, tuple)):
+        return "a list"
+    return repr(value)
