@@ -23,8 +23,7 @@ from lcmchain.fmu.infiltration import PART_FOLDER
 from lcmchain.fmu.infiltration_variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, MOTIONS, Motion
 from lcmchain.fmu.interface_fields import INTERFACE_FILE
 from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.mapping.interface import Interface, read_interface
-from lcmchain.mapping.patches import Patches
+from lcmchain.mapping.interface import Interface, Patches, read_interface
 from lcmchain.mapping.structure.stage import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration

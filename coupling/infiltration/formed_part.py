@@ -14,7 +14,6 @@ from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
-from lcmchain.mapping.permeability import through_layers
 from lcmchain.mapping.plies import SHARE, on_faces_of_one
 from lcmchain.mapping.sheet import (
     FIBRE_FAMILIES,
@@ -24,6 +23,7 @@ from lcmchain.mapping.sheet import (
 )
 from lcmchain.mapping.structure.formed import mapped_state
 from lcmchain.mapping.structure.stage import is_mapped, open_mapped
+from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.places import place_text
 from lcmchain.results import require_complete

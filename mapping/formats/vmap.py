@@ -27,8 +27,8 @@ from lcmchain.mapping.formats.vmap_system import (
     write_system,
 )
 from lcmchain.mapping.formats.vmap_types import ELEMENT, ELEMENT_TYPES
-from lcmchain.mapping.orientation import perpendicular_family_error
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
+from lcmchain.mapping.surfaces.averages import perpendicular_family_error
 
 NAME = "vmap"
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from lcmchain.mapping.solids.boxes import tree_of
 from lcmchain.mapping.solids.reach import own_reach, upright_reach
 from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, WEDGE, Solids, solids
-from lcmchain.mapping.surface import COINCIDENCE, Surface
+from lcmchain.mapping.surfaces.surface import COINCIDENCE, Surface
 from lcmchain.mesh.box_tree import BoxTree
 
 

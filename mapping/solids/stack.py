@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.mapping.bodies import present
 from lcmchain.mapping.solids.columns import Columns
 from lcmchain.mapping.solids.lines import AT_EDGE, crossings
 from lcmchain.mapping.solids.overlap import Overlaps, Slices
 from lcmchain.mapping.solids.skin import STEEP, Skin
 from lcmchain.mapping.solids.tetrahedra import Solids
+from lcmchain.mapping.weights import present
 
 #: A line that leaves a side of the target by this part of a triangle still finds it: at the outline
 #: of a curved target the line through a lower corner can miss the upper side.

@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.options import MappingOptions
 from lcmchain.mapping.report import MappingReport
-from lcmchain.mapping.stage import map_forming
+from lcmchain.mapping.stage import MappingOptions, map_forming
 from lcmchain.mapping.structure.deck import require_places
 from lcmchain.mapping.structure.report import StructureReport
 from lcmchain.mapping.structure.stage import (

@@ -14,9 +14,8 @@ import xarray as xr
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.netcdf_file import open_netcdf, write_netcdf
-from lcmchain.mapping.sheet import file_sha256
-from lcmchain.mapping.solid_file import SKIN, SOLID, file_groups
-from lcmchain.mapping.source_checks import UNREADABLE
+from lcmchain.mapping.files import SKIN, SOLID, file_groups
+from lcmchain.mapping.sheet import UNREADABLE, file_sha256
 from lcmchain.mapping.structure.deck import UNITS, mesh_lines, section_lines, step_lines
 from lcmchain.mapping.structure.files import (
     require_same_nodes,

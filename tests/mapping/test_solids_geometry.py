@@ -16,7 +16,7 @@ from lcmchain.mapping.solids.columns import columns_of, node_normals
 from lcmchain.mapping.solids.overlap import overlaps
 from lcmchain.mapping.solids.reach import own_reach, upright_reach
 from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, solids, solids_of_cells
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
 
 CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

@@ -12,9 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import equation, routine
-from lcmchain.mapping.clipping import WORK, clip
-from lcmchain.mapping.connected import number_layers
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import CellPolygons
 from lcmchain.mesh.box_tree import STACK, BoxTree, items_in_box, order_along_curve
 
@@ -39,6 +37,11 @@ BLOCK = 4096
 # Columns of the table of pairs while it is filled.
 _PART, _AREA, _HEIGHT, _CENTRE, _PLACE = range(5)
 
+# Two polygons and the corners that each can have: the four of a cell and one per edge of the
+# triangle, doubled where the cell has a reflex corner. One array for both: the compiler counts
+# references to every array that it hands to a function.
+WORK = (2, 24, 2)
+
 
 class Overlaps(NamedTuple):
     """Pairs of a target cell and a source face that lie over each other, by cell, then face.
@@ -55,6 +58,25 @@ class Overlaps(NamedTuple):
     area: np.ndarray  # (K,) [m2] of this share, projected onto the cell's tangent plane
     height: np.ndarray  # (K,) [m] of this share over the tangent plane, signed
     centre: np.ndarray  # (K,) [m] distance of the cell's centroid from the face over it, else nan
+
+
+def overlaps(surface: Surface, cells: CellPolygons, maximum_distance: float) -> Overlaps:
+    """Overlap every cell with the faces within ``maximum_distance`` [m] along its normal."""
+    faces = _Faces(
+        surface.face_tree,
+        surface.first_triangle,
+        _planes(surface.triangle_corners),
+        surface.centroids,
+        surface.face_radii,
+        surface.frames,
+        surface.winding.neighbours,
+        surface.winding.side,
+    )
+    real = np.flatnonzero(np.diff(cells.start) >= 3)
+    sequence = real[order_along_curve(cells.centroids[real])]
+    given = _Cells(cells.start, cells.corners, cells.centroids, cells.normals, cells.radii)
+    pairs, values = _all_pairs(sequence, given, faces, maximum_distance)
+    return Overlaps(*_by_cell(pairs, values, len(cells.centroids)))
 
 
 class _Cells(NamedTuple):
@@ -82,25 +104,6 @@ class _Faces(NamedTuple):
     frames: np.ndarray
     neighbours: np.ndarray
     side: np.ndarray
-
-
-def overlaps(surface: Surface, cells: CellPolygons, maximum_distance: float) -> Overlaps:
-    """Overlap every cell with the faces within ``maximum_distance`` [m] along its normal."""
-    faces = _Faces(
-        surface.face_tree,
-        surface.first_triangle,
-        _planes(surface.triangle_corners),
-        surface.centroids,
-        surface.face_radii,
-        surface.frames,
-        surface.winding.neighbours,
-        surface.winding.side,
-    )
-    real = np.flatnonzero(np.diff(cells.start) >= 3)
-    sequence = real[order_along_curve(cells.centroids[real])]
-    given = _Cells(cells.start, cells.corners, cells.centroids, cells.normals, cells.radii)
-    pairs, values = _all_pairs(sequence, given, faces, maximum_distance)
-    return Overlaps(*_by_cell(pairs, values, len(cells.centroids)))
 
 
 @routine
@@ -193,6 +196,23 @@ def _near_faces(block, cells, faces, maximum_distance, near):
                 near[count, 0], near[count, 1] = c, f
             count += 1
     return count if count <= len(near) else -count
+
+
+@equation
+def enclose_prism(corners, first, end, nx, ny, nz, distance, box):
+    """Widen a box (6,) to what lies within a distance of a cell along its normal."""
+    low_x, low_y, low_z = np.inf, np.inf, np.inf
+    high_x, high_y, high_z = -np.inf, -np.inf, -np.inf
+    for k in range(first, end):
+        low_x, high_x = min(low_x, corners[k, 0]), max(high_x, corners[k, 0])
+        low_y, high_y = min(low_y, corners[k, 1]), max(high_y, corners[k, 1])
+        low_z, high_z = min(low_z, corners[k, 2]), max(high_z, corners[k, 2])
+    x = (abs(nx) + SLANT) * distance + WIDER * (high_x - low_x)
+    y = (abs(ny) + SLANT) * distance + WIDER * (high_y - low_y)
+    z = (abs(nz) + SLANT) * distance + WIDER * (high_z - low_z)
+    box[0], box[3] = min(box[0], low_x - x), max(box[3], high_x + x)
+    box[1], box[4] = min(box[1], low_y - y), max(box[4], high_y + y)
+    box[2], box[5] = min(box[2], low_z - z), max(box[5], high_z + z)
 
 
 @routine
@@ -303,18 +323,219 @@ def _grown(table, needed):
     return wider
 
 
+# --- a polygon clipped by a triangle in a plane ---------------------------------------------------
+# The triangle has its first corner at the origin, the second at (length, 0) and the third at
+# (tip_x, tip_y), tip_y > 0.
+
+
 @equation
-def enclose_prism(corners, first, end, nx, ny, nz, distance, box):
-    """Widen a box (6,) to what lies within a distance of a cell along its normal."""
-    low_x, low_y, low_z = np.inf, np.inf, np.inf
-    high_x, high_y, high_z = -np.inf, -np.inf, -np.inf
-    for k in range(first, end):
-        low_x, high_x = min(low_x, corners[k, 0]), max(high_x, corners[k, 0])
-        low_y, high_y = min(low_y, corners[k, 1]), max(high_y, corners[k, 1])
-        low_z, high_z = min(low_z, corners[k, 2]), max(high_z, corners[k, 2])
-    x = (abs(nx) + SLANT) * distance + WIDER * (high_x - low_x)
-    y = (abs(ny) + SLANT) * distance + WIDER * (high_y - low_y)
-    z = (abs(nz) + SLANT) * distance + WIDER * (high_z - low_z)
-    box[0], box[3] = min(box[0], low_x - x), max(box[3], high_x + x)
-    box[1], box[4] = min(box[1], low_y - y), max(box[4], high_y + y)
-    box[2], box[5] = min(box[2], low_z - z), max(box[5], high_z + z)
+def clip(work, count, length, tip_x, tip_y):
+    """Clip a polygon, counter-clockwise, by the triangle (Sutherland and Hodgman 1974).
+
+    Returns the area of what remains and its centroid. A reflex corner of the polygon leaves edges
+    that run to and fro and enclose nothing. A polygon inside of the triangle is measured as it is,
+    and a side of the triangle that has it on its outside ends the matter.
+
+    work : shape :data:`WORK`; the first ``count`` corners of its first polygon are the given ones.
+    """
+    low_1, low_2, low_3 = np.inf, np.inf, np.inf
+    high_1, high_2, high_3 = -np.inf, -np.inf, -np.inf
+    for k in range(count):
+        x, y = work[0, k, 0], work[0, k, 1]
+        right = (tip_x - length) * y - tip_y * (x - length)
+        left = tip_y * x - tip_x * y
+        low_1, high_1 = min(low_1, y), max(high_1, y)
+        low_2, high_2 = min(low_2, right), max(high_2, right)
+        low_3, high_3 = min(low_3, left), max(high_3, left)
+    of = 0
+    if high_1 <= 0.0 or high_2 <= 0.0 or high_3 <= 0.0:
+        count = 0
+    # A side that cuts nothing off leaves the polygon as it is.
+    if low_1 < 0.0:
+        count, of = cut(work, of, count, 0.0, 0.0, 1.0), 1 - of
+    if low_2 < 0.0:
+        count, of = cut(work, of, count, length, -tip_y, tip_x - length), 1 - of
+    if low_3 < 0.0:
+        count, of = cut(work, of, count, 0.0, tip_y, -tip_x), 1 - of
+    return area_and_centroid(work, of, count)
+
+
+@equation
+def area_and_centroid(work, of, count):
+    if count < 3:
+        return 0.0, 0.0, 0.0
+    area, mx, my = 0.0, 0.0, 0.0
+    ax, ay = work[of, 0, 0], work[of, 0, 1]
+    bx, by = work[of, 1, 0] - ax, work[of, 1, 1] - ay
+    for k in range(2, count):
+        cx, cy = work[of, k, 0] - ax, work[of, k, 1] - ay
+        part = bx * cy - by * cx
+        area += part
+        mx += part * (bx + cx)
+        my += part * (by + cy)
+        bx, by = cx, cy
+    if area <= 0.0:
+        return 0.0, 0.0, 0.0
+    return 0.5 * area, ax + mx / (3.0 * area), ay + my / (3.0 * area)
+
+
+@equation
+def cut(work, of, count, from_x, a, b):
+    """Write what lies where a (x - from_x) + b y >= 0 to the other polygon; return its corners."""
+    if count < 3:
+        return 0
+    px, py = work[of, count - 1, 0], work[of, count - 1, 1]
+    before = a * (px - from_x) + b * py
+    left = 0
+    for k in range(count):
+        x, y = work[of, k, 0], work[of, k, 1]
+        here = a * (x - from_x) + b * y
+        if (here > 0.0 and before < 0.0) or (here < 0.0 and before > 0.0):
+            share = before / (before - here)
+            work[1 - of, left, 0] = px + share * (x - px)
+            work[1 - of, left, 1] = py + share * (y - py)
+            left += 1
+        if here >= 0.0:
+            work[1 - of, left, 0], work[1 - of, left, 1] = x, y
+            left += 1
+        px, py, before = x, y, here
+    return left
+
+
+# --- layers over a cell: its faces that hang together and show it one side ------------------------
+
+
+@routine
+def number_layers(pairs, values, neighbours, slot):
+    """Number the layers of the pairs of every cell, and sort them by face.
+
+    Faces that share an edge and show the same side belong to one layer. The pairs of a cell follow
+    each other; ``slot`` is -1 for every face, and is so afterwards.
+    """
+    parent = np.empty(256, dtype=np.int64)
+    first = 0
+    while first < len(pairs):
+        end = first + 1
+        while end < len(pairs) and pairs[end, 0] == pairs[first, 0]:
+            end += 1
+        if end - first > len(parent):
+            parent = np.empty(2 * (end - first), dtype=np.int64)
+        _sort_by_face(pairs, values, first, end)
+        _number_layers_of_cell(pairs, first, end, neighbours, slot, parent)
+        first = end
+
+
+@equation
+def _sort_by_face(pairs, values, first, end):
+    for k in range(first + 1, end):
+        j = k
+        while j > first and (pairs[j - 1, 1] > pairs[j, 1]):
+            for column in range(4):
+                pairs[j - 1, column], pairs[j, column] = pairs[j, column], pairs[j - 1, column]
+            for column in range(values.shape[1]):
+                values[j - 1, column], values[j, column] = values[j, column], values[j - 1, column]
+            j -= 1
+
+
+@equation
+def _number_layers_of_cell(pairs, first, end, neighbours, slot, parent):
+    count = end - first
+    for k in range(count):
+        slot[pairs[first + k, 1]] = k
+        parent[k] = k
+    for k in range(count):
+        for edge in range(4):
+            other = neighbours[pairs[first + k, 1], edge]
+            if other < 0 or slot[other] < 0:
+                continue
+            if pairs[first + slot[other], 2] == pairs[first + k, 2]:
+                a, b = root(parent, k), root(parent, slot[other])
+                parent[max(a, b)] = min(a, b)
+    found = 0
+    for k in range(count):
+        slot[pairs[first + k, 1]] = -1
+        if parent[k] == k:
+            pairs[first + k, 3] = found
+            found += 1
+        else:
+            pairs[first + k, 3] = pairs[first + root(parent, k), 3]
+
+
+@equation
+def root(parent, k):
+    while parent[k] != k:
+        k = parent[k]
+    return k
+
+
+# --- how much of a cell the faces over it tile, laid onto its tangent plane -----------------------
+
+
+def coverage_of_planes(
+    surface: Surface, cells: CellPolygons, found: Overlaps, chosen: np.ndarray
+) -> np.ndarray:
+    """Share of some cells that the faces over them tile, laid along the cells' normals.
+
+    chosen : ascending numbers of cells, shape (P,).
+    """
+    first = np.searchsorted(found.cell, chosen)
+    end = np.searchsorted(found.cell, chosen, side="right")
+    shares = np.empty(len(chosen))
+    _lay_on_cells(
+        chosen, first, end, found.face, cells.start, cells.corners, cells.normals, cells.areas,
+        surface.first_triangle, surface.triangle_corners, shares,
+    )  # fmt: skip
+    return shares
+
+
+@routine
+def _lay_on_cells(
+    chosen, first, end, face_of, start, corners, normals, areas, first_triangle, triangles, shares
+):  # fmt: skip
+    work = np.empty(WORK)
+    for p in range(len(chosen)):
+        c = chosen[p]
+        cell, normal = corners[start[c] : start[c + 1]], normals[c]
+        covered = 0.0
+        for k in range(first[p], end[p]):
+            for t in range(first_triangle[face_of[k]], first_triangle[face_of[k] + 1]):
+                covered += area_under(triangles[t], cell, normal, work)
+        shares[p] = covered / areas[c]
+
+
+@routine
+def area_under(triangle, cell, normal, work):
+    """Area of a cell under a triangle that is laid along the cell's normal onto its plane."""
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    ux, uy, uz = (
+        triangle[1, 0] - triangle[0, 0],
+        triangle[1, 1] - triangle[0, 1],
+        triangle[1, 2] - triangle[0, 2],
+    )
+    along = ux * nx + uy * ny + uz * nz
+    ux, uy, uz = ux - along * nx, uy - along * ny, uz - along * nz
+    length = np.sqrt(ux * ux + uy * uy + uz * uz)
+    if length == 0.0:
+        return 0.0
+    ux, uy, uz = ux / length, uy / length, uz / length
+    vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+    dx, dy, dz = (
+        triangle[2, 0] - triangle[0, 0],
+        triangle[2, 1] - triangle[0, 1],
+        triangle[2, 2] - triangle[0, 2],
+    )
+    tip_x, tip_y = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz
+    turned = tip_y < 0.0  # it shows its back: seen in a mirror, both are counter-clockwise again
+    if tip_y == 0.0:
+        return 0.0
+    for k in range(len(cell)):
+        x, y, z = (
+            cell[k, 0] - triangle[0, 0],
+            cell[k, 1] - triangle[0, 1],
+            cell[k, 2] - triangle[0, 2],
+        )
+        to = len(cell) - 1 - k if turned else k
+        across = x * vx + y * vy + z * vz
+        work[0, to, 0] = x * ux + y * uy + z * uz
+        work[0, to, 1] = -across if turned else across
+    return clip(work, len(cell), length, tip_x, abs(tip_y))[0]

@@ -82,6 +82,52 @@ def gradient_stencil(
     return GradientStencil(start, other, way, back, share, _in_frames(corners, centroids, frames))
 
 
+def limited_gradients(stencil: GradientStencil, values: np.ndarray) -> np.ndarray:
+    """Return the gradients of a face field (F,) in the faces' frames, shape (F, 2).
+
+    A field that is nowhere negative stays so within every face.
+    """
+    values = np.ascontiguousarray(values, dtype=float)
+    fitted, gradients = np.empty((len(values), 2)), np.empty((len(values), 2))
+    never_negative = len(values) > 0 and bool(values.min() >= 0.0)
+    _fit_gradients(stencil, values, fitted)
+    _limit_gradients(stencil, values, fitted, never_negative, gradients)
+    return gradients
+
+
+def limited_tensor_gradients(
+    stencil: GradientStencil,
+    components: np.ndarray,
+    around: np.ndarray,
+    multiplicity: tuple[float, ...],
+) -> np.ndarray:
+    """Return the gradients of a tensor field in the faces' frames, shape (F, M, 2).
+
+    One limit holds for all components, by invariants of the tensor, so that it does not depend on
+    the axes: where the linear fit leaves too much unexplained, the tensor counts as constant.
+    A tensor of two dimensions stays positive within the face if it is so in its mean.
+
+    Parameters
+    ----------
+    components : of the symmetric tensor of each face, shape (F, M); two-dimensional ones as
+        11, 22, 12.
+    around : those of the neighbours as each face sees them, shape (N, M).
+    multiplicity : how often a component stands in the tensor.
+    """
+    gradients = np.empty((*components.shape, 2))
+    _tensor_gradients(
+        stencil,
+        np.ascontiguousarray(components),
+        np.ascontiguousarray(around),
+        np.array(multiplicity),
+        gradients,
+    )
+    return gradients
+
+
+# --- the faces around each face, and the fit to them ----------------------------------------------
+
+
 def _neighbours(places: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Faces that share a corner with each face, ascending: (start (F + 1,), faces)."""
     order = np.argsort(places.ravel(), kind="stable") // 4  # faces by place
@@ -201,97 +247,7 @@ def _fit(start, way, share):
             share[k, 1] = (ey * along + ex * across) / square
 
 
-def limited_gradients(stencil: GradientStencil, values: np.ndarray) -> np.ndarray:
-    """Return the gradients of a face field (F,) in the faces' frames, shape (F, 2).
-
-    A field that is nowhere negative stays so within every face.
-    """
-    values = np.ascontiguousarray(values, dtype=float)
-    fitted, gradients = np.empty((len(values), 2)), np.empty((len(values), 2))
-    never_negative = len(values) > 0 and bool(values.min() >= 0.0)
-    _fit_gradients(stencil, values, fitted)
-    _limit_gradients(stencil, values, fitted, never_negative, gradients)
-    return gradients
-
-
-def limited_tensor_gradients(
-    stencil: GradientStencil,
-    components: np.ndarray,
-    around: np.ndarray,
-    multiplicity: tuple[float, ...],
-) -> np.ndarray:
-    """Return the gradients of a tensor field in the faces' frames, shape (F, M, 2).
-
-    One limit holds for all components, by invariants of the tensor, so that it does not depend on
-    the axes: where the linear fit leaves too much unexplained, the tensor counts as constant.
-    A tensor of two dimensions stays positive within the face if it is so in its mean.
-
-    Parameters
-    ----------
-    components : of the symmetric tensor of each face, shape (F, M); two-dimensional ones as
-        11, 22, 12.
-    around : those of the neighbours as each face sees them, shape (N, M).
-    multiplicity : how often a component stands in the tensor.
-    """
-    gradients = np.empty((*components.shape, 2))
-    _tensor_gradients(
-        stencil,
-        np.ascontiguousarray(components),
-        np.ascontiguousarray(around),
-        np.array(multiplicity),
-        gradients,
-    )
-    return gradients
-
-
-@routine
-def _tensor_gradients(stencil, components, around, multiplicity, gradients):
-    count, kinds = components.shape
-    way, share = stencil.way, stencil.share
-    for i in range(count):
-        first, end = stencil.start[i], stencil.start[i + 1]
-        differences, unexplained = 0.0, 0.0
-        for m in range(kinds):
-            gx, gy = 0.0, 0.0
-            for k in range(first, end):
-                difference = around[k, m] - components[i, m]
-                gx, gy = gx + share[k, 0] * difference, gy + share[k, 1] * difference
-            for k in range(first, end):
-                difference = around[k, m] - components[i, m]
-                rest = difference - gx * way[k, 0] - gy * way[k, 1]
-                weight = multiplicity[m] / max(way[k, 0] ** 2 + way[k, 1] ** 2, 1e-300)
-                differences += weight * difference * difference
-                unexplained += weight * rest * rest
-            gradients[i, m, 0], gradients[i, m, 1] = gx, gy
-        scale = 1.0
-        if not np.isfinite(differences):
-            scale = 0.0  # beside a face without a value
-        elif unexplained > RESOLVED_TENSOR * differences:
-            over = (unexplained / differences - RESOLVED_TENSOR) / RESOLVED_TENSOR
-            scale = max(0.0, 1.0 - over)
-        if kinds == 3:
-            scale = kept_positive(components[i], gradients[i], stencil.corners[i], scale)
-        for m in range(kinds):
-            gradients[i, m, 0] = scale * gradients[i, m, 0] if scale > 0.0 else 0.0
-            gradients[i, m, 1] = scale * gradients[i, m, 1] if scale > 0.0 else 0.0
-
-
-@equation
-def kept_positive(mean, gradient, corners, scale):
-    """Halve a scale until the tensor 11, 22, 12 is positive at all corners of the face."""
-    for _ in range(8):
-        positive = True
-        for corner in range(4):
-            x, y = scale * corners[corner, 0], scale * corners[corner, 1]
-            a = mean[0] + gradient[0, 0] * x + gradient[0, 1] * y
-            b = mean[1] + gradient[1, 0] * x + gradient[1, 1] * y
-            c = mean[2] + gradient[2, 0] * x + gradient[2, 1] * y
-            if a < 0.0 or b < 0.0 or a * b < c * c:
-                positive = False
-        if positive:
-            return scale
-        scale *= 0.5
-    return 0.0
+# --- gradients of a field, and their limits -------------------------------------------------------
 
 
 @routine
@@ -349,3 +305,53 @@ def allowed(step, low, high):
     if step < low:
         return low / step
     return 1.0
+
+
+@routine
+def _tensor_gradients(stencil, components, around, multiplicity, gradients):
+    count, kinds = components.shape
+    way, share = stencil.way, stencil.share
+    for i in range(count):
+        first, end = stencil.start[i], stencil.start[i + 1]
+        differences, unexplained = 0.0, 0.0
+        for m in range(kinds):
+            gx, gy = 0.0, 0.0
+            for k in range(first, end):
+                difference = around[k, m] - components[i, m]
+                gx, gy = gx + share[k, 0] * difference, gy + share[k, 1] * difference
+            for k in range(first, end):
+                difference = around[k, m] - components[i, m]
+                rest = difference - gx * way[k, 0] - gy * way[k, 1]
+                weight = multiplicity[m] / max(way[k, 0] ** 2 + way[k, 1] ** 2, 1e-300)
+                differences += weight * difference * difference
+                unexplained += weight * rest * rest
+            gradients[i, m, 0], gradients[i, m, 1] = gx, gy
+        scale = 1.0
+        if not np.isfinite(differences):
+            scale = 0.0  # beside a face without a value
+        elif unexplained > RESOLVED_TENSOR * differences:
+            over = (unexplained / differences - RESOLVED_TENSOR) / RESOLVED_TENSOR
+            scale = max(0.0, 1.0 - over)
+        if kinds == 3:
+            scale = kept_positive(components[i], gradients[i], stencil.corners[i], scale)
+        for m in range(kinds):
+            gradients[i, m, 0] = scale * gradients[i, m, 0] if scale > 0.0 else 0.0
+            gradients[i, m, 1] = scale * gradients[i, m, 1] if scale > 0.0 else 0.0
+
+
+@equation
+def kept_positive(mean, gradient, corners, scale):
+    """Halve a scale until the tensor 11, 22, 12 is positive at all corners of the face."""
+    for _ in range(8):
+        positive = True
+        for corner in range(4):
+            x, y = scale * corners[corner, 0], scale * corners[corner, 1]
+            a = mean[0] + gradient[0, 0] * x + gradient[0, 1] * y
+            b = mean[1] + gradient[1, 0] * x + gradient[1, 1] * y
+            c = mean[2] + gradient[2, 0] * x + gradient[2, 1] * y
+            if a < 0.0 or b < 0.0 or a * b < c * c:
+                positive = False
+        if positive:
+            return scale
+        scale *= 0.5
+    return 0.0
