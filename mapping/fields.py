@@ -69,14 +69,14 @@ def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -
     """
     scalars = {
         name: (
-            transfer_content(sheet, weights, values)
+            _transfer_content(sheet, weights, values)
             if name in CONTENTS and weights.conservative
             else transfer_average(sheet, weights, values)
         )
         for name, values in sheet.scalars.items()
     }
     if len(weights.solid_thickness):
-        scalars |= solid_scalars(sheet, weights, scalars, fibre_density(sheet))
+        scalars |= _solid_scalars(sheet, weights, scalars, fibre_density(sheet))
     else:
         scalars |= _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
     if normals is not None:
@@ -84,7 +84,7 @@ def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -
             scalars[name] = facing(sheet, weights, normals) * scalars[name]
     directions = {
         name: map_directions(
-            sheet.surface, weights, values, normals if lies_in(sheet, values) else None
+            sheet.surface, weights, values, normals if _lies_in(sheet, values) else None
         )
         for name, values in sheet.directions.items()
     }
@@ -122,14 +122,14 @@ def fibre_mass(weights: MappingWeights, mapped: MappedFields) -> np.ndarray | No
     """Fibre mass of each cell [kg], shape (C,); None where the mapping does not keep it."""
     if "areal_fibre_mass" not in mapped.scalars or not weights.conservative:
         return None
-    return mapped.scalars["areal_fibre_mass"] * content_areas(weights)
+    return mapped.scalars["areal_fibre_mass"] * _content_areas(weights)
 
 
 def with_fibre_mass(
     sheet: Sheet, weights: MappingWeights, mapped: MappedFields, mass: np.ndarray
 ) -> MappedFields:
     """Give cells a fibre mass [kg], shape (C,), and the volume fraction that follows from it."""
-    areas = content_areas(weights)
+    areas = _content_areas(weights)
     there = areas > 0.0
     areal = mapped.scalars["areal_fibre_mass"].copy()
     areal[there] = mass[there] / areas[there]
@@ -173,7 +173,7 @@ def fibre_density(sheet: Sheet) -> float | None:
     return density if np.all(np.abs(densities / density - 1.0) < ONE_DENSITY) else None
 
 
-def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
+def _lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
     """Whether a family runs along the sheet, as fibres do, rather than through its thickness."""
     out_of_plane = np.einsum("fi,fi->f", directions, sheet.surface.normals)
     return bool(np.median(np.abs(out_of_plane)) < np.sqrt(0.5))
@@ -184,7 +184,7 @@ def transfer_average(sheet: Sheet, weights: MappingWeights, values: np.ndarray) 
     return mean_over_cells(sheet.surface, weights, values)
 
 
-def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
+def _transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
     """Content per area of a cell's covered part, such that the total content is kept.
 
     The sum over cells of value times covered area equals the content of the covered part of the
@@ -197,7 +197,7 @@ def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray
         return np.where(covered_area > 0.0, content / covered_area, nearest)
 
 
-def content_areas(weights: MappingWeights) -> np.ndarray:
+def _content_areas(weights: MappingWeights) -> np.ndarray:
     """Area of each cell that its areal mass belongs to [m2], shape (C,).
 
     Of a surface it is what the sheet covers; a solid that the sheet covers in part has its mass
@@ -213,7 +213,7 @@ def covered_areas(weights: MappingWeights) -> np.ndarray:
 
 def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
     """Content of all cells."""
-    covered = content_areas(weights)
+    covered = _content_areas(weights)
     return float(np.nansum(np.where(covered > 0.0, per_area * covered, 0.0)))
 
 
@@ -240,7 +240,7 @@ ATTRIBUTES: dict[str, dict[str, Any]] = {
 }
 
 
-def solid_scalars(
+def _solid_scalars(
     sheet: Sheet,
     weights: MappingWeights,
     averages: Mapping[str, np.ndarray],
@@ -339,10 +339,10 @@ def transfer_to_nodes(sheet: Sheet, target: TargetMesh, weights: MappingWeights)
     if sheet.is_stack:
         raise InputError("values at nodes are not written for a stack of plies", file=sheet.name)
     normals = None if target.is_solid else _around_nodes(target, target.surface.normals)
-    return carried(sheet, node_weights(sheet, target, weights), normals)
+    return carried(sheet, _node_weights(sheet, target, weights), normals)
 
 
-def node_weights(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappingWeights:
+def _node_weights(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappingWeights:
     """One weight for each node near the sheet: the face with the closest place on it."""
     surface = sheet.surface
     sides = weights.average_matrix @ (surface.normals * surface.winding.side[:, None])

@@ -79,7 +79,7 @@ def mapped_dataset(
     variables |= mesh.node_positions(target.points[used])
     if sheet.time is not None:
         variables[TIME] = saved_times(np.asarray(sheet.time))
-    for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
+    for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
     for name, (values, attributes) in cell_variables(target).items():
         variables[name] = mesh.on_cells(values, attributes)
@@ -106,7 +106,7 @@ def write_vtu(
     """
     data = {
         name: values
-        for name, (values, _) in cell_fields(sheet, weights, mapped).items()
+        for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
     data |= mapped.vectors | cell_data(target)
@@ -120,7 +120,7 @@ def write_vtu(
     write_mesh(path, mesh)
 
 
-def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
+def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
     """Return values (C,) and attributes of every cell variable, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
@@ -337,7 +337,7 @@ def write_frames(
         write_vtu(frame_file(path, number), frame.sheet, frame.target, frame.weights, frame.mapped)
         times.append(frame.time)
         positions.append(frame.target.points[used])
-        fields = cell_fields(frame.sheet, frame.weights, frame.mapped)
+        fields = _cell_fields(frame.sheet, frame.weights, frame.mapped)
         for name in map(str, on_cells):
             of_mapping = name.startswith("mapping_") or name.endswith(ERROR)
             if not of_mapping and dataset[name].dtype.kind == "f":

@@ -68,9 +68,9 @@ def draw_mapping(
 ) -> None:
     """Draw thickness, fibre volume fraction and both fibre families on sheet and target (PNG)."""
     sheet, title_of_sheet = comparable(sheet)
-    meshes = _drawn_sheet(sheet), drawn_target(target, weights)
+    meshes = _drawn_sheet(sheet), _drawn_target(target, weights)
     rows = _rows(sheet, mapped, weights)
-    heights = [height_of(row.view, meshes) for row in rows]
+    heights = [_height_of(row.view, meshes) for row in rows]
     with matplotlib.rc_context(RC):
         size = LEFT + 2 * PANEL + GAP + 1.35, TOP + sum(heights) + GAP * len(rows) + BOTTOM
         figure = new_figure(*size)
@@ -127,7 +127,7 @@ def _drawn_sheet(sheet: Sheet) -> _Drawn:
     )
 
 
-def drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
+def _drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
     """Return what is seen of a target, with the status of its cells where weights are given."""
     nodes, cell = skin(target)
     corners = target.points[nodes]
@@ -246,7 +246,7 @@ def _on_screen(view: View, meshes: Sequence[_Drawn]) -> np.ndarray:
     return np.concatenate([view.on_screen(mesh.corners).reshape(-1, 2) for mesh in meshes])
 
 
-def height_of(view: View, meshes: Sequence[_Drawn]) -> float:
+def _height_of(view: View, meshes: Sequence[_Drawn]) -> float:
     """Return the height [in] of a panel that shows the meshes over its width."""
     width, height = np.ptp(_on_screen(view, meshes), axis=0)
     return PANEL * float(np.clip(height / max(width, 1e-12), 0.25, 1.4))
@@ -276,8 +276,8 @@ def draw_errors(
     """Draw the errors of up to six fields on the target (PNG), the worst cell of each ringed."""
     shown = [one for one in ERRORS_SHOWN if one.name in mapped.errors]
     # From above, where no cell hides another but on upright walls.
-    mesh, view = drawn_target(target), FROM_ABOVE
-    height = height_of(view, [mesh])
+    mesh, view = _drawn_target(target), FROM_ABOVE
+    height = _height_of(view, [mesh])
     rows = max(-(-len(shown) // 2), 1)
     with matplotlib.rc_context(RC):
         size = (

@@ -114,7 +114,7 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
         reason = shortened(str(error), 300)
         raise InputError(f"this is not a netCDF forming result ({reason})", file=path) from None
     sheet = _sheet_from_dataset(loaded, -1, str(path))
-    require_sound_fields(sheet.scalars, sheet.directions, str(path))
+    _require_sound_fields(sheet.scalars, sheet.directions, str(path))
     origin = {"source_file": path.name, "source_sha256": file_sha256(path)}
     return replace(sheet, provenance={**sheet.provenance, **origin})
 
@@ -203,23 +203,23 @@ def _states_of(dataset: xr.Dataset) -> tuple[str, str]:
 
 def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     dataset = _frame_of(dataset, frame, name)
-    mesh, connectivity = mesh_of(dataset, name)
+    mesh, connectivity = _mesh_of(dataset, name)
     films = film_names(dataset)
     if films:  # taken off after forming: nothing of them is mapped
-        dataset = without_films(dataset, connectivity.dims[0], films)
-        mesh, connectivity = mesh_of(dataset, name)
+        dataset = _without_films(dataset, connectivity.dims[0], films)
+        mesh, connectivity = _mesh_of(dataset, name)
     points = _node_positions(dataset, mesh, name)
     faces = _faces(connectivity, name)
-    require_whole_faces(points, faces, name)
+    _require_whole_faces(points, faces, name)
     node_dimension = dataset[_position_names(dataset, mesh)[0]].dims[0]
     fields, attributes = _face_fields(dataset, connectivity.dims[0], node_dimension, faces)
     permeability = _take_permeability(fields, name)
 
-    ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
+    ply, ply_names = _plies_of(dataset, connectivity.dims[0], name)
     if ply_names or films:
         fields = {key: values for key, values in fields.items() if key not in OF_STACK}
 
-    holes = {key: holes_of(values, ply) for key, values in fields.items()}
+    holes = {key: _holes_of(values, ply) for key, values in fields.items()}
     for key, bad in holes.items():
         if len(bad) and _stem(key) in NEEDED:
             raise InputError(f"{key} of face {bad[0]} is not finite", file=name)
@@ -334,7 +334,7 @@ def _position_names(dataset: xr.Dataset, mesh: Mapping) -> list[str]:
 def _node_positions(dataset: xr.Dataset, mesh: Mapping, name: str) -> np.ndarray:
     """Node positions in the frame that the dataset was cut down to."""
     keys = _position_names(dataset, mesh)
-    require_si(dataset, keys, name)
+    _require_si(dataset, keys, name)
     try:
         parts = np.stack([np.asarray(dataset[key].values, dtype=float) for key in keys], 1)
         if parts.ndim != 2 or parts.shape[1] not in (3, 6):
@@ -368,7 +368,7 @@ def _faces(connectivity: xr.DataArray, name: str) -> np.ndarray:
 BODY = "body"
 
 
-def plies_of(
+def _plies_of(
     dataset: xr.Dataset, face_dimension: Hashable, name: str
 ) -> tuple[np.ndarray | None, tuple[str, ...]]:
     """Return the number of the ply of each face, shape (F,), and the plies' names.
@@ -399,7 +399,7 @@ def plies_of(
     return ply.reshape(-1).astype(np.int64), tuple(order[int(flag)] for flag in used)
 
 
-def without_films(
+def _without_films(
     dataset: xr.Dataset, face_dimension: Hashable, films: tuple[str, ...]
 ) -> xr.Dataset:
     """Return a forming result without the faces of its films."""
@@ -410,7 +410,7 @@ def without_films(
     return dataset.isel({face_dimension: kept})
 
 
-def holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
+def _holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
     """Faces without a value, shape (H,); a ply that does not have the field at all has no holes."""
     bad = ~np.isfinite(values)
     if ply is not None and bad.any() and not bad.all():
@@ -438,7 +438,7 @@ PLAUSIBLE = {
 _POSITION_UNITS = ("m", "metre", "meter")
 
 
-def mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataArray]:
+def _mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataArray]:
     """Return attributes and connectivity of the only two-dimensional mesh.
 
     Raises
@@ -471,7 +471,7 @@ def mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataA
     return found[0], connectivity
 
 
-def require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
+def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
     """Refuse positions and fields that say they are in another unit than forming writes.
 
     Raises
@@ -490,7 +490,7 @@ def require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
             )
 
 
-def require_whole_faces(points: np.ndarray, faces: np.ndarray, name: str) -> None:
+def _require_whole_faces(points: np.ndarray, faces: np.ndarray, name: str) -> None:
     """Refuse faces whose nodes do not exist, lie nowhere, or enclose no area.
 
     Parameters
@@ -513,7 +513,7 @@ def require_whole_faces(points: np.ndarray, faces: np.ndarray, name: str) -> Non
         )
 
 
-def require_sound_fields(
+def _require_sound_fields(
     scalars: Mapping[str, np.ndarray], directions: Mapping[str, np.ndarray], name: str
 ) -> None:
     """Refuse fields with values that no forming result has.
@@ -531,7 +531,7 @@ def require_sound_fields(
         if len(outside):
             value = values[outside[0]]
             raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
-    for family in ("fibre_direction_1", "fibre_direction_2", "fibre_direction_3"):
+    for family in FIBRE_FAMILIES:
         alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
         if alone:
             raise InputError(f"{family} has only the components {', '.join(alone)}", file=name)

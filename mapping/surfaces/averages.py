@@ -32,7 +32,7 @@ def mean_over_cells(surface: Surface, weights: MappingWeights, values: np.ndarra
     return means
 
 
-def mean_tensor_over_cells(
+def _mean_tensor_over_cells(
     surface: Surface,
     weights: MappingWeights,
     components: np.ndarray,
@@ -102,7 +102,7 @@ def contents_of_faces(
     return np.where(over_edge, summed, contents)
 
 
-def leading_faces(weights: MappingWeights) -> np.ndarray:
+def _leading_faces(weights: MappingWeights) -> np.ndarray:
     """Face with the largest share in each cell, shape (C,); the first of equal ones, else 0."""
     leading = np.zeros(weights.cell_count, dtype=np.int64)
     _largest(weights.start, weights.face, weights.average, leading)
@@ -170,11 +170,11 @@ def map_directions(
     Source: Advani and Tucker, Journal of Rheology 31 (1987) 751, for the orientation tensor.
     """
     products = directions[:, _ROWS] * directions[:, _COLUMNS]
-    averaged = mean_tensor_over_cells(surface, weights, products, _MULTIPLICITY)
+    averaged = _mean_tensor_over_cells(surface, weights, products, _MULTIPLICITY)
     averaged[~weights.mapped] = 0.0
     values, vectors = np.linalg.eigh(unpacked(averaged))
     principal = vectors[:, :, 2]
-    against = np.einsum("ci,ci->c", principal, directions[leading_faces(weights)]) < 0.0
+    against = np.einsum("ci,ci->c", principal, directions[_leading_faces(weights)]) < 0.0
     principal = np.where(against[:, None], -principal, principal)
 
     tilt = np.zeros(weights.cell_count)

@@ -287,9 +287,9 @@ def _limit_gradients(stencil, values, fitted, never_negative, gradients):
         within, positive = 1.0, 1.0
         for corner in range(4):
             step = gx * corners[i, corner, 0] + gy * corners[i, corner, 1]
-            within = min(within, allowed(step, low, high))
+            within = min(within, _allowed(step, low, high))
             if never_negative:
-                positive = min(positive, allowed(step, -own, np.inf))
+                positive = min(positive, _allowed(step, -own, np.inf))
         limited = 0.0
         if unexplained > RESOLVED * differences:
             limited = (unexplained / differences - RESOLVED) / (UNRESOLVED - RESOLVED)
@@ -298,7 +298,7 @@ def _limit_gradients(stencil, values, fitted, never_negative, gradients):
 
 
 @equation
-def allowed(step, low, high):
+def _allowed(step, low, high):
     """Largest share, up to 1, of a step that stays between two bounds around 0."""
     if step > high:
         return high / step
@@ -333,14 +333,14 @@ def _tensor_gradients(stencil, components, around, multiplicity, gradients):
             over = (unexplained / differences - RESOLVED_TENSOR) / RESOLVED_TENSOR
             scale = max(0.0, 1.0 - over)
         if kinds == 3:
-            scale = kept_positive(components[i], gradients[i], stencil.corners[i], scale)
+            scale = _kept_positive(components[i], gradients[i], stencil.corners[i], scale)
         for m in range(kinds):
             gradients[i, m, 0] = scale * gradients[i, m, 0] if scale > 0.0 else 0.0
             gradients[i, m, 1] = scale * gradients[i, m, 1] if scale > 0.0 else 0.0
 
 
 @equation
-def kept_positive(mean, gradient, corners, scale):
+def _kept_positive(mean, gradient, corners, scale):
     """Halve a scale until the tensor 11, 22, 12 is positive at all corners of the face."""
     for _ in range(8):
         positive = True

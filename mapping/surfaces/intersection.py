@@ -152,7 +152,7 @@ def _all_pairs(
         end = count + _measure(
             near[:found], cells, faces, maximum_distance, pairs[count:], values[count:]
         )
-        number_layers(pairs[count:end], values[count:end], faces.neighbours, slot)
+        _number_layers(pairs[count:end], values[count:end], faces.neighbours, slot)
         count = end
     return pairs[:count], values[:count]
 
@@ -173,7 +173,7 @@ def _near_faces(block, cells, faces, maximum_distance, near):
         if place % TOGETHER == 0:
             together[:3], together[3:] = np.inf, -np.inf
             for c in block[place : place + TOGETHER]:
-                enclose_prism(
+                _enclose_prism(
                     corners, start[c], start[c + 1], normals[c, 0], normals[c, 1], normals[c, 2],
                     maximum_distance, together,
                 )  # fmt: skip
@@ -199,7 +199,7 @@ def _near_faces(block, cells, faces, maximum_distance, near):
 
 
 @equation
-def enclose_prism(corners, first, end, nx, ny, nz, distance, box):
+def _enclose_prism(corners, first, end, nx, ny, nz, distance, box):
     """Widen a box (6,) to what lies within a distance of a cell along its normal."""
     low_x, low_y, low_z = np.inf, np.inf, np.inf
     high_x, high_y, high_z = -np.inf, -np.inf, -np.inf
@@ -352,16 +352,16 @@ def clip(work, count, length, tip_x, tip_y):
         count = 0
     # A side that cuts nothing off leaves the polygon as it is.
     if low_1 < 0.0:
-        count, of = cut(work, of, count, 0.0, 0.0, 1.0), 1 - of
+        count, of = _cut(work, of, count, 0.0, 0.0, 1.0), 1 - of
     if low_2 < 0.0:
-        count, of = cut(work, of, count, length, -tip_y, tip_x - length), 1 - of
+        count, of = _cut(work, of, count, length, -tip_y, tip_x - length), 1 - of
     if low_3 < 0.0:
-        count, of = cut(work, of, count, 0.0, tip_y, -tip_x), 1 - of
-    return area_and_centroid(work, of, count)
+        count, of = _cut(work, of, count, 0.0, tip_y, -tip_x), 1 - of
+    return _area_and_centroid(work, of, count)
 
 
 @equation
-def area_and_centroid(work, of, count):
+def _area_and_centroid(work, of, count):
     if count < 3:
         return 0.0, 0.0, 0.0
     area, mx, my = 0.0, 0.0, 0.0
@@ -380,7 +380,7 @@ def area_and_centroid(work, of, count):
 
 
 @equation
-def cut(work, of, count, from_x, a, b):
+def _cut(work, of, count, from_x, a, b):
     """Write what lies where a (x - from_x) + b y >= 0 to the other polygon; return its corners."""
     if count < 3:
         return 0
@@ -406,7 +406,7 @@ def cut(work, of, count, from_x, a, b):
 
 
 @routine
-def number_layers(pairs, values, neighbours, slot):
+def _number_layers(pairs, values, neighbours, slot):
     """Number the layers of the pairs of every cell, and sort them by face.
 
     Faces that share an edge and show the same side belong to one layer. The pairs of a cell follow
@@ -449,7 +449,7 @@ def _number_layers_of_cell(pairs, first, end, neighbours, slot, parent):
             if other < 0 or slot[other] < 0:
                 continue
             if pairs[first + slot[other], 2] == pairs[first + k, 2]:
-                a, b = root(parent, k), root(parent, slot[other])
+                a, b = _root(parent, k), _root(parent, slot[other])
                 parent[max(a, b)] = min(a, b)
     found = 0
     for k in range(count):
@@ -458,11 +458,11 @@ def _number_layers_of_cell(pairs, first, end, neighbours, slot, parent):
             pairs[first + k, 3] = found
             found += 1
         else:
-            pairs[first + k, 3] = pairs[first + root(parent, k), 3]
+            pairs[first + k, 3] = pairs[first + _root(parent, k), 3]
 
 
 @equation
-def root(parent, k):
+def _root(parent, k):
     while parent[k] != k:
         k = parent[k]
     return k
@@ -499,12 +499,12 @@ def _lay_on_cells(
         covered = 0.0
         for k in range(first[p], end[p]):
             for t in range(first_triangle[face_of[k]], first_triangle[face_of[k] + 1]):
-                covered += area_under(triangles[t], cell, normal, work)
+                covered += _area_under(triangles[t], cell, normal, work)
         shares[p] = covered / areas[c]
 
 
 @routine
-def area_under(triangle, cell, normal, work):
+def _area_under(triangle, cell, normal, work):
     """Area of a cell under a triangle that is laid along the cell's normal onto its plane."""
     nx, ny, nz = normal[0], normal[1], normal[2]
     ux, uy, uz = (

@@ -51,7 +51,7 @@ def surface_weights(
         maximum_distance = default_maximum_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
-    pair = by_overlap if method == "overlap" else by_closest
+    pair = _by_overlap if method == "overlap" else _by_closest
     found = pair(sheet.surface, target, float(maximum_distance))
     return MappingWeights(
         cell=found.cell,
@@ -113,7 +113,7 @@ class Pairing(NamedTuple):
     moved: float
 
 
-def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
+def _by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
     """Pair cells of a surface with what lies over them of the layer that they belong to.
 
     Cells without an overlap take the closest place of the right side, if one is near.
@@ -139,7 +139,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
         surface, target, cells, found, maximum_distance
     )
     coverage = _coverage(surface, cells, found, covered)
-    content, moved = even_shares(found, content, surface.areas, coverage * cells.areas)
+    content, moved = _even_shares(found, content, surface.areas, coverage * cells.areas)
     average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
     weights: tuple[np.ndarray, ...] = (
         found.cell, found.face, average, found.place, content,
@@ -168,7 +168,7 @@ def by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) ->
     )
 
 
-def by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
+def _by_closest(surface: Surface, target: TargetMesh, maximum_distance: float) -> Pairing:
     """Pair cells with the place of the sheet that is closest to their centroid.
 
     Such weights have no areas: a face is covered by the share of its corners over the target.
@@ -480,7 +480,7 @@ def _choose(first, side, area, distance, wanted, areas):
 SWEEPS = 10
 
 
-def even_shares(
+def _even_shares(
     found: Overlaps, content: np.ndarray, face_areas: np.ndarray, covered_areas: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Even out the shares of the faces' contents; return them, and the share that was moved.

@@ -43,7 +43,7 @@ class Surface:
     @cached_property
     def geometry(self) -> FaceGeometry:
         """Areas, normals and the like of all faces."""
-        return face_geometry(
+        return _face_geometry(
             np.ascontiguousarray(self.points, dtype=float), np.ascontiguousarray(self.faces)
         )
 
@@ -207,7 +207,7 @@ class FaceGeometry(NamedTuple):
 
 
 @routine
-def face_geometry(points, faces):
+def _face_geometry(points, faces):
     """Compute the geometry of faces.
 
     points : node positions [m], shape (N, 3).
@@ -223,16 +223,16 @@ def face_geometry(points, faces):
             node = faces[f, k] if faces[f, k] >= 0 else faces[f, 2]
             for axis in range(3):
                 own[k, axis] = points[node, axis]
-        x, y, z = cross(own, 0, 2, 1, 3)
+        x, y, z = _cross(own, 0, 2, 1, 3)
         doubled = np.sqrt(x * x + y * y + z * z)
         areas[f] = 0.5 * doubled
         vectors[f, 0], vectors[f, 1], vectors[f, 2] = 0.5 * x, 0.5 * y, 0.5 * z
         if doubled > 0.0:
             normals[f, 0], normals[f, 1], normals[f, 2] = x / doubled, y / doubled, z / doubled
-            write_tangents(normals[f], frames[f])
-        x, y, z = cross(own, 0, 1, 0, 2)
+            _write_tangents(normals[f], frames[f])
+        x, y, z = _cross(own, 0, 1, 0, 2)
         half = np.sqrt(x * x + y * y + z * z)
-        x, y, z = cross(own, 0, 2, 0, 3)
+        x, y, z = _cross(own, 0, 2, 0, 3)
         other = np.sqrt(x * x + y * y + z * z)
         share = other / (half + other) if half + other > 0.0 else 0.0
         for axis in range(3):
@@ -247,7 +247,7 @@ def face_geometry(points, faces):
 
 
 @equation
-def cross(corners, a, b, c, d):
+def _cross(corners, a, b, c, d):
     """Cross product of the ways from corner a to b and from c to d."""
     ux, uy, uz = (
         corners[b, 0] - corners[a, 0],
@@ -263,7 +263,7 @@ def cross(corners, a, b, c, d):
 
 
 @equation
-def write_tangents(normal, frame):
+def _write_tangents(normal, frame):
     """Write two unit vectors (2, 3) across a unit normal, from the axis that it is least along."""
     nx, ny, nz = normal[0], normal[1], normal[2]
     ax, ay, az = abs(nx), abs(ny), abs(nz)
@@ -376,7 +376,7 @@ def _neighbours(faces, place_count):
     first = np.zeros(place_count + 1, dtype=np.int64)
     for face in range(len(faces)):
         for column in range(4):
-            start, end = edge_of(faces, face, column)
+            start, end = _edge_of(faces, face, column)
             if start != end:
                 first[min(start, end) + 1] += 1
     for place in range(place_count):
@@ -385,7 +385,7 @@ def _neighbours(faces, place_count):
     filled = first[:-1].copy()
     for face in range(len(faces)):
         for column in range(4):
-            start, end = edge_of(faces, face, column)
+            start, end = _edge_of(faces, face, column)
             if start != end:
                 row = filled[min(start, end)]
                 filled[min(start, end)] += 1
@@ -407,7 +407,7 @@ def _neighbours(faces, place_count):
 
 
 @equation
-def edge_of(faces, face, column):
+def _edge_of(faces, face, column):
     """Ends of an edge of a face; twice the same where a triangle has none in this column."""
     count = 4 if faces[face, 3] >= 0 else 3
     if column >= count:
