@@ -24,7 +24,7 @@ from lcmchain.fmu.infiltration_variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, M
 from lcmchain.fmu.interface_fields import INTERFACE_FILE
 from lcmchain.fmu.scene_files import stage_scene
 from lcmchain.mapping.interface import Interface, Patches, read_interface
-from lcmchain.mapping.structure.stage import is_mapped
+from lcmchain.mapping.structure.mapped_file import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import is_scene_file, read_infiltration

@@ -86,7 +86,7 @@ class Interface:
     def fields(self) -> PatchFields:
         """Transfer of fields between the cells and the interface."""
         neighbours = shared_edges(self.cells, self.part)
-        centres = centres_of(self.points, self.cells)
+        centres = _centres_of(self.points, self.cells)
         return PatchFields(self.patches, centres, self.surface.areas, neighbours)
 
     def spread(self, values: np.ndarray) -> np.ndarray:
@@ -393,7 +393,7 @@ def group_cells(
             f"the sheet has {piece_count} loose pieces, each of which needs a patch of its own; "
             f"ask for at least {piece_count} patches, not {count}"
         )
-    centres = centres_of(points, cells)
+    centres = _centres_of(points, cells)
     of_cell = np.empty(len(cells), dtype=np.int64)
     first = 0
     shares = _shares(np.bincount(piece, areas), np.bincount(piece), count)
@@ -431,7 +431,7 @@ def shared_edges(cells: np.ndarray, part: np.ndarray | None = None) -> np.ndarra
     return np.stack([cell[:-1][same], cell[1:][same]])
 
 
-def centres_of(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def _centres_of(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return the mean of the corners of each cell, shape (C, 3)."""
     there = cells >= 0
     sums = np.where(there[:, :, None], points[cells], 0.0).sum(axis=1)

@@ -11,7 +11,7 @@ from lcmchain.coupling.infiltration.unformed_part import unformed_part
 from lcmchain.errors import InputError
 from lcmchain.mapping import MappingOptions, MappingReport, map_forming
 from lcmchain.mapping.sheet import file_sha256
-from lcmchain.mapping.structure.stage import is_mapped, mapped_onto, open_mapped
+from lcmchain.mapping.structure.mapped_file import is_mapped, mapped_onto, open_mapped
 from lcmchain.scene.infiltration import Infiltration
 
 

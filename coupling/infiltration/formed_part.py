@@ -21,8 +21,7 @@ from lcmchain.mapping.sheet import (
     file_sha256,
     read_sheet,
 )
-from lcmchain.mapping.structure.formed import mapped_state
-from lcmchain.mapping.structure.stage import is_mapped, open_mapped
+from lcmchain.mapping.structure.mapped_file import is_mapped, mapped_state, open_mapped
 from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.places import place_text

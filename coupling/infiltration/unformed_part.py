@@ -16,7 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import UgridMesh, Variable
 from lcmchain.mapping.sheet import file_sha256
-from lcmchain.mapping.structure.stage import open_mapped
+from lcmchain.mapping.structure.mapped_file import open_mapped
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh_files.readers.nastran_sets import AMBIGUOUS_SETS
 from lcmchain.scene.preform import OwnPermeability, Preform

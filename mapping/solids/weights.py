@@ -9,11 +9,10 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.solids.columns import Columns, columns_of, merged_places
-from lcmchain.mapping.solids.overlap import Overlaps, overlaps, sliced
+from lcmchain.mapping.solids.overlap import Overlaps, overlaps, own_walls, sliced
 from lcmchain.mapping.solids.skin import covered_faces, skin_of
 from lcmchain.mapping.solids.stack import one_ply, stack_of
 from lcmchain.mapping.solids.tetrahedra import Solids, solids_of_cells
-from lcmchain.mapping.solids.walls import own_walls
 from lcmchain.mapping.surfaces.search import closest_points
 from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import TargetMesh
@@ -72,7 +71,7 @@ def compute_solid_weights(
     InputError : a distance that is not positive.
     """
     if maximum_distance is None:
-        maximum_distance = default_solid_distance(sheet, target)
+        maximum_distance = _default_solid_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
     cells = solids_of_cells(target.points, target.corners)
@@ -146,7 +145,7 @@ def compute_solid_weights(
     )
 
 
-def default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
+def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     """Distance [m] up to which a solid cell and the sheet count as the same part."""
     distance = default_maximum_distance(sheet, target)
     if "thickness" not in sheet.scalars:

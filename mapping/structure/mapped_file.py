@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.errors import InputError, first_few
+from lcmchain.errors import InputError, first_few, shortened
+from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fields.ugrid import TIME
+from lcmchain.mapping.files import SKIN, SOLID
 from lcmchain.mapping.plies import HEIGHT, SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, UNREADABLE, file_sha256
 from lcmchain.mapping.target import TargetMesh
 
 if TYPE_CHECKING:
@@ -18,6 +21,61 @@ if TYPE_CHECKING:
 
 #: Families closer to each other than this have no plane between them.
 CLOSEST_FAMILIES = np.radians(1.0)
+
+
+def read_mapped(path: Path | str) -> xr.Dataset:
+    """Read a mapped file.
+
+    Raises
+    ------
+    InputError : it is absent or no mapped file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError("there is no such mapped file", file=path)
+    loaded = open_mapped(path)
+    if not is_mapped(loaded):
+        raise InputError("this is no mapped file: it has no mesh named target", file=path)
+    return loaded
+
+
+def open_mapped(path: Path) -> xr.Dataset:
+    """Read the group of a file that has all cells of a mapping: ``/solid`` for solids, or the root.
+
+    Raises
+    ------
+    InputError : it is no netCDF file.
+    """
+    try:
+        with open_netcdf(path, mask_and_scale=False) as root:
+            loaded = root.load()
+        if not is_mapped(loaded) and SKIN.name in loaded:
+            with open_netcdf(path, mask_and_scale=False, group=SOLID) as solid:
+                loaded = solid.load()
+    except UNREADABLE as error:
+        reason = shortened(str(error), 300)
+        raise InputError(f"this is no netCDF result ({reason})", file=path) from None
+    return loaded
+
+
+def is_mapped(dataset: xr.Dataset) -> bool:
+    """Whether a dataset is that of a mapping, rather than of a forming run."""
+    return "target" in dataset and dataset["target"].attrs.get("cf_role") == "mesh_topology"
+
+
+def mapped_onto(dataset: xr.Dataset, target_mesh: Path | str) -> bool:
+    """Whether a dataset is that of a mapping onto the mesh of a file."""
+    stored = dataset.attrs.get("target_sha256")
+    return is_mapped(dataset) and stored == file_sha256(target_mesh)
+
+
+def mapped_state(mapped: xr.Dataset) -> xr.Dataset:
+    """Return the saved state that the target belongs to, where a file holds all of them."""
+    if TIME not in mapped.dims:
+        return mapped
+    if "mapping_time_s" not in mapped.attrs:
+        return mapped.isel({TIME: -1})
+    return mapped.sel({TIME: mapped.attrs["mapping_time_s"]}, method="nearest")
 
 
 @dataclass(frozen=True)
@@ -56,15 +114,6 @@ class FormedCells:
     leading: FormedPly
     plies: tuple[FormedPly, ...]
     fibre_density: float | None = None
-
-
-def mapped_state(mapped: xr.Dataset) -> xr.Dataset:
-    """Return the saved state that the target belongs to, where a file holds all of them."""
-    if TIME not in mapped.dims:
-        return mapped
-    if "mapping_time_s" not in mapped.attrs:
-        return mapped.isel({TIME: -1})
-    return mapped.sel({TIME: mapped.attrs["mapping_time_s"]}, method="nearest")
 
 
 def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCells:
