@@ -15,7 +15,7 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill
 from lcmchain.coupling.infiltration.unformed_part import unformed_part
 from lcmchain.errors import InputError
-from lcmchain.fmu.infiltration_build import build_infiltration_fmu
+from lcmchain.fmu.infiltration.build import build_infiltration_fmu
 from lcmchain.report.fillings import filling_in_words
 from lcmchain.scene.infiltration_file import infiltration_from_text
 

@@ -18,16 +18,17 @@ from lcmchain.coupling.infiltration.formed_part_file import write_part
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError
-from lcmchain.fmu.build import require_target, write_unit
-from lcmchain.fmu.infiltration import PART_FOLDER
-from lcmchain.fmu.infiltration_variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, MOTIONS, Motion
-from lcmchain.fmu.interface_fields import INTERFACE_FILE
-from lcmchain.fmu.scene_files import stage_scene
+from lcmchain.fmu.build import require_target, stage_scene, write_unit
+from lcmchain.fmu.infiltration.part import PART_FOLDER
+from lcmchain.fmu.infiltration.variables import FIELD_OUTPUTS, FIELDS_OF_FMI2, MOTIONS, Motion
+from lcmchain.fmu.part import INTERFACE_FILE
 from lcmchain.mapping.interface import Interface, Patches, read_interface
 from lcmchain.mapping.structure.mapped_file import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import is_scene_file, read_infiltration
+
+# --- Build the unit of an infiltration, with the formed part inside -----------------------------
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,9 @@ from lcmchain.quantities.entry_types import Number, Quantity
 from lcmchain.scene import Scene
 from lcmchain.scene.overrides import _steps
 
+# --- Entries of a scene that a master may set before initialization: parameters of the unit -----
+
+
 #: Tables that decide the mesh or the files.
 OF_THE_BUILD = (
     "blank", "plies", "layup", "element", "output", "fmu", "mapping", "infiltration",

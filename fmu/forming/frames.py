@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from lcmchain.coupling.forming_fields import forming_datasets
-from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
 from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
+
+# --- The frames that a unit saves on its way, and the result file made of them ------------------
+
 
 # Communication points seldom hit the times of the scene's frames exactly.
 TIME_TOLERANCE = 1e-6
@@ -38,26 +38,6 @@ def _interval_after(time: float, scene: Scene) -> float:
     times = scene.frame_times
     after = np.searchsorted(times, time + TIME_TOLERANCE * scene.process.time)
     return float(times[min(int(after), len(times) - 1)]) - time
-
-
-def require_writable(folder: Path) -> None:
-    """Make the folder of the results, or say why it cannot be used.
-
-    Raises
-    ------
-    InputError : the folder cannot be made or written to.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        reason = error.strerror or os.strerror(error.errno or 0)
-        raise InputError(
-            f'"{folder}" cannot be written to ({reason}); name another folder, or leave it empty '
-            "to write nothing",
-            key="out_dir",
-        ) from None
 
 
 def write_result(

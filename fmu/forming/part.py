@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -16,16 +17,17 @@ from lcmchain.coupling.iteration.interface import (
     PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
 )
-from lcmchain.coupling.solids.explicit import ExplicitForming
-from lcmchain.coupling.solids.stack import forming_of_scene, largest_ply
-from lcmchain.elements.families import family_of
+from lcmchain.coupling.solids.explicit import ExplicitForming, SavedForming
+from lcmchain.coupling.solids.stack import forming_of_scene
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
 from lcmchain.fingerprint import run_fingerprint
-from lcmchain.fmu import forming_state
-from lcmchain.fmu.forming_variables import (
+from lcmchain.fmu.forming.frames import with_present, write_result
+from lcmchain.fmu.forming.interface import at_interface
+from lcmchain.fmu.forming.scene_parameters import SceneParameter, overrides, scene_parameters
+from lcmchain.fmu.forming.variables import (
     AT_REST,
     BETWEEN,
     BETWEEN_SCALARS,
@@ -39,110 +41,32 @@ from lcmchain.fmu.forming_variables import (
     SOLVER,
     STACK,
     TOOLS,
-    Abilities,
-    PlyAbilities,
-    forming_variables,
+    surroundings_of,
+    variables_of,
 )
-from lcmchain.fmu.frames import require_writable, with_present, write_result
-from lcmchain.fmu.interface_fields import INTERFACE_FILE, at_interface
-from lcmchain.fmu.part import Part, UnitDefinition
-from lcmchain.fmu.saved_state import PartState
-from lcmchain.fmu.scene_parameters import SceneParameter, overrides, scene_parameters
+from lcmchain.fmu.part import (
+    INTERFACE_FILE,
+    Part,
+    PartState,
+    UnitDefinition,
+    named_arrays,
+    require_writable,
+)
 from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
-from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.model import build_model
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
-from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.state import STOPPED_TIME
+from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
+from lcmchain.state import STOPPED_TIME, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 from lcmchain.tools.turn import turning
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
 
-
-def meshes_of(scene: Scene) -> list[SheetMesh]:
-    """Return the meshes whose elements a unit counts: those of the model, bottom first."""
-    return [family_of(ply.element).mesh_of(ply.build_blank()) for ply in scene.stack]
-
-
-def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int = 0) -> Abilities:
-    """Return what decides the variables of the unit of a scene.
-
-    Raises
-    ------
-    InputError : a pore pressure is asked for, but the elements have no thickness, or one of the
-        plies is a film.
-    """
-    stack = scene.stack
-    flat = next((ply.element.type for ply in stack if ply.element.type != "solid-shell"), None)
-    if pore_pressure and flat is not None:
-        raise InputError(
-            f'a fluid acts in the thickness of the sheet, which element = "{flat}" '
-            'does not predict; use element = "solid-shell"',
-            key="element",
-        )
-    if pore_pressure and stack.films:
-        raise InputError(
-            f'lets a fluid act in all plies, but "{stack.films[0].name}" is a film, through which '
-            "none flows; leave out --pore-pressure, or the film",
-            key=f"{stack.films[0].key}.film",
-        )
-    meshes = meshes_of(scene)
-    plies = [
-        PlyAbilities(
-            name=ply.name,
-            element_count=mesh.element_count,
-            edge_length=ply.blank.edge_length,
-            has_thickness=ply.element.type == "solid-shell",
-            has_fibre_volume_fraction=ply.element.type == "solid-shell"
-            and ply.material.fibre_density is not None,
-        )
-        for ply, mesh in zip(stack, meshes, strict=True)
-    ]
-    return Abilities(
-        tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
-        turning=[tool.name for tool in scene.tools if tool.motion.turns],
-        grippers=[name for gripper in scene.grippers for name in gripper.names],
-        element_count=sum(ply.element_count for ply in plies),
-        edge_length=stack.shortest_edge,
-        title=scene.title,
-        has_thickness=any(ply.has_thickness for ply in plies),
-        has_fibre_volume_fraction=any(ply.has_fibre_volume_fraction for ply in plies),
-        takes_pore_pressure=pore_pressure,
-        surroundings=surroundings_of(scene),
-        patch_count=patch_count,
-        plies=plies if len(plies) > 1 else (),
-        column_count=meshes[largest_ply(meshes)].element_count
-        if pore_pressure and len(plies) > 1
-        else 0,
-    )
-
-
-def surroundings_of(scene: Scene) -> float:
-    """Return the pressure around the sheet [Pa]: that of the vents of a resin in it, or 0."""
-    return 0.0 if scene.wet_forming is None else float(scene.wet_forming.vent_pressure)
-
-
-def variables_of(
-    scene: Scene,
-    fields: Sequence[str] | None = None,
-    *,
-    pore_pressure: bool = False,
-    patch_count: int = 0,
-) -> tuple[Variable, ...]:
-    """Return the interface of the unit that forms a scene."""
-    settable = [parameter.variable for parameter in scene_parameters(scene)]
-    abilities = abilities_of(scene, pore_pressure=pore_pressure, patch_count=patch_count)
-    return forming_variables(abilities, settable, fields)
-
-
-def unit_guid(scene: Scene, variables: Sequence[Variable]) -> str:
-    """Return the identifier of a unit, which changes with its scene and with its interface."""
-    interface = hashlib.sha256(repr(variables).encode()).hexdigest()
-    return str(uuid5(NAMESPACE_URL, f"lcmchain {scene.source.sha256} {interface}"))
+# What a simulation keeps itself.
+_OF_SIMULATION = ("state", "control")
 
 
 def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefinition, Part]:
@@ -169,6 +93,12 @@ def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefini
     )
     part = FormingPart(scene, path, unit["overrides"], interface, pore_pressure=pore_pressure)
     return definition, part
+
+
+def unit_guid(scene: Scene, variables: Sequence[Variable]) -> str:
+    """Return the identifier of a unit, which changes with its scene and with its interface."""
+    interface = hashlib.sha256(repr(variables).encode()).hexdigest()
+    return str(uuid5(NAMESPACE_URL, f"lcmchain {scene.source.sha256} {interface}"))
 
 
 class FormingPart(Part):
@@ -234,8 +164,8 @@ class FormingPart(Part):
 
     def begin(self) -> None:
         """Check where the results go, and save the start."""
-        if self._out_dir is not None:
-            require_writable(self._out_dir)
+        if self.out_dir is not None:
+            require_writable(self.out_dir)
         self._keep_frame()
 
     @property
@@ -265,30 +195,66 @@ class FormingPart(Part):
 
     def finish(self, failure: str) -> None:
         """Write ``forming.nc`` if ``out_dir`` is set."""
-        if self._out_dir is None:
+        if self.out_dir is None:
             return
         self._keep_frame(last=True)
-        path = write_result(
-            self._out_dir, self.scene, self.simulation, self.frames, failure=failure
-        )
+        path = write_result(self.out_dir, self.scene, self.simulation, self.frames, failure=failure)
         self.values.texts["result_file"] = str(path)
         self.say(f"wrote {path}")
 
     def capture(self) -> PartState:
-        """Return a copy of the state."""
-        return forming_state.capture(self)
+        """Return a copy of the state; what is never changed in place is shared."""
+        state = self.simulation.state
+        arrays = {f"state_{name}": array.copy() for name, array in state.as_dict().items()}
+        arrays["before"] = self.before
+        values: dict[str, Any] = {
+            "critical_step": self.critical_step,
+            "step": self.step,
+            "control": dataclasses.asdict(self.simulation.control),
+            "frame_time": [frame.time for frame in self.frames],
+            "frame_energy": [frame.energy for frame in self.frames],
+        }
+        for number, frame in enumerate(self.frames):
+            arrays |= {f"frame_{number}_{name}": array for name, array in frame.arrays.items()}
+        if self.wet is not None:
+            for name, value in _beside_the_simulation(self.wet.save()).items():
+                (arrays if isinstance(value, np.ndarray) else values)[f"wet_{name}"] = value
+        return PartState(values, arrays)
 
-    def reinstate(self, state: PartState) -> None:
-        """Go back to a captured state."""
-        forming_state.reinstate(self, state)
+    def reinstate(self, saved: PartState) -> None:
+        """Go back to a captured state.
 
-    @property
-    def _out_dir(self) -> Path | None:
-        text = self.values.texts["out_dir"]
-        return Path(text) if text else None
+        Raises
+        ------
+        InputError : it is that of another model.
+        """
+        values, arrays = saved.values, saved.arrays
+        try:
+            state = State.from_arrays(named_arrays(arrays, "state_"))
+            frames = tuple(
+                Snapshot(float(time), dict(energy), named_arrays(arrays, f"frame_{number}_"))
+                for number, (time, energy) in enumerate(
+                    zip(values["frame_time"], values["frame_energy"], strict=True)
+                )
+            )
+            control = StepControl(**values["control"])
+            control.history = dict(control.history)
+            before, step, critical = arrays["before"], values["step"], values["critical_step"]
+            wet = None if self.wet is None else _wet(state, control, saved)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"the saved state is not that of a forming unit ({error})") from None
+        if before.shape != self.simulation.state.position.shape:
+            raise InputError("the saved state belongs to another model")
+        if self.wet is None or wet is None:
+            self.simulation.restore(state)
+            self.simulation.control = control
+        else:
+            self.wet.restore(wet)
+        self.before, self.step, self.critical_step = before, float(step), float(critical)
+        self.frames = frames
 
     def _keep_frame(self, *, last: bool = False) -> None:
-        if self._out_dir is not None:
+        if self.out_dir is not None:
             self.frames = with_present(self.frames, self.simulation, self.scene, last=last)
 
     # --- inputs -----------------------------------------------------------------------------------
@@ -500,3 +466,20 @@ def _extrema(name: str, field: np.ndarray) -> dict[str, float]:
     if name.rpartition(".")[2] == "shear_angle":  # signed: what counts is its size
         return {f"{name}_max": np.abs(field).max()}
     return {f"{name}_min": field.min(), f"{name}_max": field.max()}
+
+
+def _wet(state: State, control: StepControl, saved: PartState) -> SavedForming:
+    held = {**saved.arrays, **saved.values}
+    names = [
+        entry.name for entry in dataclasses.fields(SavedForming) if entry.name not in _OF_SIMULATION
+    ]
+    return SavedForming(state, control, **{name: held[f"wet_{name}"] for name in names})
+
+
+def _beside_the_simulation(saved: SavedForming) -> dict[str, Any]:
+    """Return what a part of a coupling keeps beside the state of its simulation."""
+    return {
+        entry.name: getattr(saved, entry.name)
+        for entry in dataclasses.fields(saved)
+        if entry.name not in _OF_SIMULATION
+    }

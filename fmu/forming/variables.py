@@ -1,10 +1,14 @@
-"""The interface of the forming unit."""
+"""The interface of the forming unit, and what of a scene decides it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from lcmchain.coupling.solids.stack import largest_ply
+from lcmchain.elements.families import family_of
+from lcmchain.errors import InputError
+from lcmchain.fmu.forming.scene_parameters import scene_parameters
 from lcmchain.fmu.variables import (
     COMMON_OUTPUTS,
     COMMON_PARAMETERS,
@@ -14,6 +18,8 @@ from lcmchain.fmu.variables import (
     Variable,
     quoted,
 )
+from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.scene import Scene
 from lcmchain.tools.motion import FIXED, GUIDED
 
 # Groups: outputs that are computed together.
@@ -224,6 +230,85 @@ class Abilities(NamedTuple):
         return self.column_count or self.field_size
 
 
+def variables_of(
+    scene: Scene,
+    fields: Sequence[str] | None = None,
+    *,
+    pore_pressure: bool = False,
+    patch_count: int = 0,
+) -> tuple[Variable, ...]:
+    """Return the interface of the unit that forms a scene."""
+    settable = [parameter.variable for parameter in scene_parameters(scene)]
+    abilities = abilities_of(scene, pore_pressure=pore_pressure, patch_count=patch_count)
+    return forming_variables(abilities, settable, fields)
+
+
+def abilities_of(scene: Scene, *, pore_pressure: bool = False, patch_count: int = 0) -> Abilities:
+    """Return what decides the variables of the unit of a scene.
+
+    Raises
+    ------
+    InputError : a pore pressure is asked for, but the elements have no thickness, or one of the
+        plies is a film.
+    """
+    stack = scene.stack
+    flat = next((ply.element.type for ply in stack if ply.element.type != "solid-shell"), None)
+    if pore_pressure and flat is not None:
+        raise InputError(
+            f'a fluid acts in the thickness of the sheet, which element = "{flat}" '
+            'does not predict; use element = "solid-shell"',
+            key="element",
+        )
+    if pore_pressure and stack.films:
+        raise InputError(
+            f'lets a fluid act in all plies, but "{stack.films[0].name}" is a film, through which '
+            "none flows; leave out --pore-pressure, or the film",
+            key=f"{stack.films[0].key}.film",
+        )
+    meshes = meshes_of(scene)
+    plies = [
+        PlyAbilities(
+            name=ply.name,
+            element_count=mesh.element_count,
+            edge_length=ply.blank.edge_length,
+            has_thickness=ply.element.type == "solid-shell",
+            has_fibre_volume_fraction=ply.element.type == "solid-shell"
+            and ply.material.fibre_density is not None,
+        )
+        for ply, mesh in zip(stack, meshes, strict=True)
+    ]
+    return Abilities(
+        tools=[(tool.name, tool.motion.kind) for tool in scene.tools],
+        turning=[tool.name for tool in scene.tools if tool.motion.turns],
+        grippers=[name for gripper in scene.grippers for name in gripper.names],
+        element_count=sum(ply.element_count for ply in plies),
+        edge_length=stack.shortest_edge,
+        title=scene.title,
+        has_thickness=any(ply.has_thickness for ply in plies),
+        has_fibre_volume_fraction=any(ply.has_fibre_volume_fraction for ply in plies),
+        takes_pore_pressure=pore_pressure,
+        surroundings=surroundings_of(scene),
+        patch_count=patch_count,
+        plies=plies if len(plies) > 1 else (),
+        column_count=meshes[largest_ply(meshes)].element_count
+        if pore_pressure and len(plies) > 1
+        else 0,
+    )
+
+
+def meshes_of(scene: Scene) -> list[SheetMesh]:
+    """Return the meshes whose elements a unit counts: those of the model, bottom first."""
+    return [family_of(ply.element).mesh_of(ply.build_blank()) for ply in scene.stack]
+
+
+def surroundings_of(scene: Scene) -> float:
+    """Return the pressure around the sheet [Pa]: that of the vents of a resin in it, or 0."""
+    return 0.0 if scene.wet_forming is None else float(scene.wet_forming.vent_pressure)
+
+
+# --- from the abilities to the variables ----------------------------------------------------------
+
+
 def forming_variables(
     abilities: Abilities,
     scene_parameters: Iterable[Variable] = (),
@@ -290,6 +375,16 @@ def forming_variables(
     return tuple(v for v in variables if v.name not in left_out)
 
 
+def field_names(abilities: Abilities) -> list[str]:
+    """Return the names of all fields that a unit can give.
+
+    One name stands for the field on every ply of a stack.
+    """
+    unknown = _unknown(abilities)
+    known = [field for field, variable in _all_fields(abilities) if variable.name not in unknown]
+    return list(dict.fromkeys(known))
+
+
 def _unknown(abilities: Abilities) -> set[str]:
     """Return the fields that the elements do not predict, by the names of their variables."""
     found = set(_unknown_of_sheet(abilities))
@@ -304,16 +399,6 @@ def _unknown_of_sheet(sheet: Abilities | PlyAbilities) -> tuple[str, ...]:
     """Return the fields of :data:`FIELD_OUTPUTS` that the elements do not predict."""
     left_out = () if sheet.has_thickness else ("thickness", "thickness_rate")
     return left_out + (() if sheet.has_fibre_volume_fraction else ("fibre_volume_fraction",))
-
-
-def field_names(abilities: Abilities) -> list[str]:
-    """Return the names of all fields that a unit can give.
-
-    One name stands for the field on every ply of a stack.
-    """
-    unknown = _unknown(abilities)
-    known = [field for field, variable in _all_fields(abilities) if variable.name not in unknown]
-    return list(dict.fromkeys(known))
 
 
 def _fields(abilities: Abilities, names: Sequence[str] | None) -> list[Variable]:

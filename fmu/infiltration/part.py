@@ -5,21 +5,23 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 
-from lcmchain.coupling.filling_part import FillingPart
+from lcmchain.coupling.filling_part import FillingPart, SavedFilling
 from lcmchain.coupling.infiltration.boundaries import Gate, Schedule, Vent
 from lcmchain.coupling.infiltration.filling import Filling
+from lcmchain.coupling.infiltration.filling_run import is_frame_due, node_areas
 from lcmchain.coupling.infiltration.formed_part_file import read_part
 from lcmchain.coupling.infiltration.report import filling_report
-from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.infiltration.stage import ENDING, fingerprint_of, write_filling
+from lcmchain.coupling.infiltration.state import DrySpot, FillingState
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
     PRESSURE_AT_REST,
@@ -28,11 +30,9 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE,
     VOLUME_RATE_SLOPE,
 )
+from lcmchain.coupling.iteration.saved_tree import flattened, restored
 from lcmchain.errors import InputError
-from lcmchain.fmu import infiltration_state
-from lcmchain.fmu.filling_record import RecordPieces
-from lcmchain.fmu.frames import require_writable
-from lcmchain.fmu.infiltration_variables import (
+from lcmchain.fmu.infiltration.variables import (
     FIELDS,
     FRONT,
     PLACES,
@@ -41,16 +41,21 @@ from lcmchain.fmu.infiltration_variables import (
     Motion,
     infiltration_variables,
 )
-from lcmchain.fmu.interface_fields import INTERFACE_FILE
-from lcmchain.fmu.part import Part, UnitDefinition
-from lcmchain.fmu.saved_state import PartState
+from lcmchain.fmu.part import (
+    INTERFACE_FILE,
+    Part,
+    PartState,
+    UnitDefinition,
+    named_arrays,
+    require_writable,
+)
 from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.scene import read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.infiltration_file import read_infiltration
 
-#: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration_build`.
+#: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration.build`.
 PART_FOLDER = "part"
 
 #: What the filling takes where the master moves the volume of its cells.
@@ -59,13 +64,7 @@ VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 #: Of a gate or vent that the master has shut: it never opens.
 SHUT = Schedule(-2.0, -1.0)
 
-
-def read_case(unit: Mapping[str, Any], resources: Path) -> tuple[Infiltration, Path]:
-    """Return the infiltration of a unit, and the folder to which its file names are relative."""
-    path = resources / unit["case"]
-    if unit["entry"] is None:
-        return read_infiltration(path, unit["overrides"]), path.parent
-    return read_scene(path, unit["overrides"]).infiltrations[unit["entry"]][0], path.parent
+RECORDS = {record.__name__: record for record in (SavedFilling, FillingState, DrySpot)}
 
 
 def define_infiltration(
@@ -96,6 +95,14 @@ def define_infiltration(
         step_size=case.frame_interval or case.time / (case.frames - 1),
     )
     return definition, InfiltrationPart(setup, interface, unit["motion"], unit["name"])
+
+
+def read_case(unit: Mapping[str, Any], resources: Path) -> tuple[Infiltration, Path]:
+    """Return the infiltration of a unit, and the folder to which its file names are relative."""
+    path = resources / unit["case"]
+    if unit["entry"] is None:
+        return read_infiltration(path, unit["overrides"]), path.parent
+    return read_scene(path, unit["overrides"]).infiltrations[unit["entry"]][0], path.parent
 
 
 def _guid(hashes: Mapping[str, str], interface: Interface, variables: Sequence[Variable]) -> str:
@@ -152,8 +159,8 @@ class InfiltrationPart(Part):
     def begin(self) -> None:
         """Check where the results go, and keep the start."""
         self.record.clear()
-        if self._out_dir is not None:
-            require_writable(self._out_dir)
+        if self.out_dir is not None:
+            require_writable(self.out_dir)
             self.record.begin(self.filling)
 
     @property
@@ -181,7 +188,7 @@ class InfiltrationPart(Part):
 
     def finish(self, failure: str) -> None:
         """Write ``NAME_filling.nc`` if ``out_dir`` is set."""
-        if self._out_dir is None:
+        if self.out_dir is None:
             return
         self.record.end(self.filling)
         outcome, message = self.ended
@@ -190,23 +197,44 @@ class InfiltrationPart(Part):
         filled = FilledPart.of_record(
             self.setup, self.record.whole(), self.filling.save(), outcome, message
         )
-        path = self._out_dir / f"{self.name}{ENDING}.nc"
+        path = self.out_dir / f"{self.name}{ENDING}.nc"
         write_filling(path, filled, filling_report(self.name, filled))
         self.values.texts["result_file"] = str(path)
         self.say(f"wrote {path}")
 
     def capture(self) -> PartState:
-        """Return a copy of the state."""
-        return infiltration_state.capture(self)
+        """Return a copy of the state; what is never changed in place is shared."""
+        tree, kept = flattened(self.fluid.save())
+        arrays = {f"filling {number}": array for number, array in enumerate(kept)}
+        arrays |= {f"record {name}": array for name, array in self.record.arrays().items()}
+        arrays["vented_rate"] = self.vented_rate
+        return PartState({"tree": tree, "ended": list(self.ended)}, arrays)
 
-    def reinstate(self, state: PartState) -> None:
-        """Go back to a captured state."""
-        infiltration_state.reinstate(self, state)
+    def reinstate(self, saved: PartState) -> None:
+        """Go back to a captured state.
 
-    @property
-    def _out_dir(self) -> Path | None:
-        text = self.values.texts["out_dir"]
-        return Path(text) if text else None
+        Raises
+        ------
+        InputError : it is that of another filling.
+        """
+        mine, kept = flattened(self.fluid.save())
+        arrays = named_arrays(saved.arrays, "filling ")
+        try:
+            found = [arrays[str(number)] for number in range(len(arrays))]
+            state = restored(saved.values["tree"], found, RECORDS)
+            outcome, message = saved.values["ended"]
+            FRONT[outcome]
+            fits = isinstance(state, SavedFilling) and _shapes(state) == _shapes(
+                restored(mine, kept, RECORDS)
+            )
+            vented = saved.arrays["vented_rate"]
+            if not fits or vented.shape != self.vented_rate.shape:
+                raise ValueError("it belongs to another part")
+            self.record.take(named_arrays(saved.arrays, "record "))
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"the saved state is not that of a filling ({error})") from None
+        self.fluid.restore(state)
+        self.ended, self.vented_rate = (str(outcome), str(message)), vented
 
     # --- inputs -----------------------------------------------------------------------------------
 
@@ -311,6 +339,18 @@ class InfiltrationPart(Part):
         return means | {"preform_volume": fields.total(found["volume"])}
 
 
+def _shapes(saved: SavedFilling) -> dict[str, tuple[int, ...]]:
+    """Shapes of all arrays whose number of values is that of the part."""
+    own = {
+        name: values.shape
+        for name, values in vars(saved.state).items()
+        if isinstance(values, np.ndarray)
+    }
+    own |= {f"input {name}": values.shape for name, values in saved.inputs.items()}
+    pressures = {"mean": saved.mean_pressure.shape, "resisted": saved.resisted.shape}
+    return own | pressures
+
+
 def _driven_gate(
     gate: Gate, drive: float, pressure: float, flow_rate: float, closed: float
 ) -> Gate:
@@ -349,3 +389,114 @@ def _take_one_step(setup: FillingSetup) -> None:
         setup.filling().advance(setup.case.time, stop)
     except _Enough:
         pass
+
+
+# --- what is kept for the result file, in pieces that are never changed ---------------------------
+# A state of the unit refers to the pieces of its time: saving it copies nothing of what lies
+# behind. Neighbouring pieces of about the same length are joined, so that there are few of them.
+
+Piece = dict[str, np.ndarray]
+
+#: Entries of a record that saved states have; the others belong to time steps.
+OF_FRAMES = (
+    "frame_time", "fill", "pressure", "resin_volume", "velocity", "cure", "temperature", "film",
+    "thickness", "frame_stage",
+)  # fmt: skip
+OF_STEPS = tuple(f.name for f in fields(FillingRecord) if f.name not in OF_FRAMES)
+
+
+class RecordPieces:
+    """The record of a filling so far."""
+
+    def __init__(self, setup: FillingSetup) -> None:
+        self._case, self._node_areas = setup.case, node_areas(setup)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.frames: tuple[Piece, ...] = ()
+        self.steps: tuple[Piece, ...] = ()
+        self._last = (0.0, 0.0)
+        self._new = FillingRecord.empty()
+
+    def begin(self, filling: Filling) -> None:
+        """Keep the start."""
+        self._add_frame(filling)
+        self._new.add_step(filling, self._node_areas)
+        self.close()
+
+    def after_step(self, filling: Filling) -> None:
+        """Keep what a time step has led to, if the start was kept."""
+        if not self.frames:
+            return
+        self._new.add_step(filling, self._node_areas)
+        if is_frame_due(self._case, (filling.time, filling.filled_share), self._last):
+            self._add_frame(filling)
+
+    def end(self, filling: Filling) -> None:
+        """Keep the last state, if anything has moved since a state was saved."""
+        if self.steps[-1]["time"][-1] > self.frames[-1]["frame_time"][-1]:
+            self._add_frame(filling)
+            self.close()
+
+    def close(self) -> None:
+        """Make a piece of what was kept since the last one."""
+        self.frames = _with(self.frames, self._new, OF_FRAMES)
+        self.steps = _with(self.steps, self._new, OF_STEPS)
+        self._new = FillingRecord.empty()
+
+    def whole(self) -> FillingRecord:
+        """Return the record in one."""
+        joined = {**_joined(self.frames, OF_FRAMES), **_joined(self.steps, OF_STEPS)}
+        return FillingRecord(**{name: list(values) for name, values in joined.items()})
+
+    # --- saved states -----------------------------------------------------------------------------
+
+    def arrays(self) -> Piece:
+        """Return everything as arrays by name."""
+        named: Piece = {}
+        for kind, pieces in (("frames", self.frames), ("steps", self.steps)):
+            for number, piece in enumerate(pieces):
+                named |= {f"{kind} {number} {name}": values for name, values in piece.items()}
+        return named | {"last frame": np.array(self._last)}
+
+    def take(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Go back to what :meth:`arrays` has returned.
+
+        Raises
+        ------
+        KeyError, ValueError : these are not arrays of a record.
+        """
+        found: dict[str, dict[int, Piece]] = {"frames": {}, "steps": {}}
+        for key, values in arrays.items():
+            if key != "last frame":
+                kind, number, name = key.split(" ")
+                found[kind].setdefault(int(number), {})[name] = values
+        pieces = {kind: tuple(own[k] for k in range(len(own))) for kind, own in found.items()}
+        for kind, names in (("frames", OF_FRAMES), ("steps", OF_STEPS)):
+            if any(set(piece) != set(names) for piece in pieces[kind]):
+                raise KeyError(kind)
+        time, share = arrays["last frame"]
+        self.frames, self.steps = pieces["frames"], pieces["steps"]
+        self._last, self._new = (float(time), float(share)), FillingRecord.empty()
+
+    def _add_frame(self, filling: Filling) -> None:
+        self._new.add_frame(filling)
+        self._last = filling.time, filling.filled_share
+
+
+def _with(
+    pieces: tuple[Piece, ...], record: FillingRecord, names: tuple[str, ...]
+) -> tuple[Piece, ...]:
+    """Append what a record holds, and join pieces at the end that are not much longer."""
+    new = {name: np.array(getattr(record, name)) for name in names}
+    if len(new[names[0]]) == 0:
+        return pieces
+    while pieces and len(pieces[-1][names[0]]) <= 2 * len(new[names[0]]):
+        new = {name: np.concatenate([pieces[-1][name], new[name]]) for name in names}
+        pieces = pieces[:-1]
+    return (*pieces, new)
+
+
+def _joined(pieces: tuple[Piece, ...], names: tuple[str, ...]) -> Piece:
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in names}
