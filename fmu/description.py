@@ -56,7 +56,7 @@ def _of_fmi_2(definition: UnitDefinition, *, needs_tool: bool) -> Element:
     variables = definition.variables
     # Every entry of a field has a name, and reading a structured one costs masters time (fmpy
     # 1.7 ms): the names are declared as plain texts, however many there are.
-    root = Element("fmiModelDescription", head(definition, "2.0", structured=False))
+    root = Element("fmiModelDescription", _head(definition, "2.0", structured=False))
     root.set("guid", definition.guid)
     SubElement(
         root,
@@ -72,16 +72,16 @@ def _of_fmi_2(definition: UnitDefinition, *, needs_tool: bool) -> Element:
             "canSerializeFMUstate": "true",
         },
     )
-    add_units(root, variables)
+    _add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, own in used_types(variables).items():
+    for name, own in _used_types(variables).items():
         simple = SubElement(types, "SimpleType", {"name": name})
         kind = "Enumeration" if own.items else own.kind.value
         declared = SubElement(simple, kind, own.attributes)
         for item in own.items:
             SubElement(declared, "Item", item)
-    add_categories(root)
-    add_experiment(root, definition)
+    _add_categories(root)
+    _add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")
     structure = SubElement(root, "ModelStructure")
     outputs = SubElement(structure, "Outputs")
@@ -107,13 +107,13 @@ def _add_scalar(listed: Element, variable: Variable, name: str, text: str, refer
         "description": text,
         "causality": variable.causality,
         "variability": variable.variability,
-        **initial(variable),
+        **_initial(variable),
     }
     scalar = SubElement(listed, "ScalarVariable", attributes)
     kind = "Enumeration" if variable.is_enumeration else variable.kind.value
-    typed = SubElement(scalar, kind, limits(variable))
+    typed = SubElement(scalar, kind, _limits(variable))
     if variable.start is not None:
-        typed.set("start", start_text(variable))
+        typed.set("start", _start_text(variable))
 
 
 def _places(variables: tuple[Variable, ...]) -> dict[str, str]:
@@ -138,7 +138,7 @@ _ELEMENTS = {
 def _of_fmi_3(definition: UnitDefinition, *, needs_tool: bool) -> Element:
     """Return ``modelDescription.xml`` of FMI 3.0; a field is one array."""
     variables = definition.variables
-    root = Element("fmiModelDescription", head(definition, "3.0", structured=True))
+    root = Element("fmiModelDescription", _head(definition, "3.0", structured=True))
     root.set("instantiationToken", definition.guid)
     SubElement(
         root,
@@ -152,15 +152,15 @@ def _of_fmi_3(definition: UnitDefinition, *, needs_tool: bool) -> Element:
             "canHandleVariableCommunicationStepSize": "true",
         },
     )
-    add_units(root, variables)
+    _add_units(root, variables)
     types = SubElement(root, "TypeDefinitions")
-    for name, own in used_types(variables).items():
+    for name, own in _used_types(variables).items():
         kind = "Enumeration" if own.items else _ELEMENTS[own.kind]
         declared = SubElement(types, f"{kind}Type", {"name": name, **own.attributes})
         for item in own.items:
             SubElement(declared, "Item", item)
-    add_categories(root)
-    add_experiment(root, definition)
+    _add_categories(root)
+    _add_experiment(root, definition)
     listed = SubElement(root, "ModelVariables")
     reference = {variable.name: str(index) for index, variable in enumerate(variables)}
     for variable in variables:
@@ -185,8 +185,8 @@ def _add_variable(listed: Element, variable: Variable, reference: str) -> None:
         "description": variable.description,
         "causality": variable.causality,
         "variability": variable.variability,
-        **initial(variable),
-        **limits(variable),
+        **_initial(variable),
+        **_limits(variable),
     }
     kind = "Enumeration" if variable.is_enumeration else _ELEMENTS[variable.kind]
     element = SubElement(listed, kind, attributes)
@@ -197,14 +197,14 @@ def _add_variable(listed: Element, variable: Variable, reference: str) -> None:
     if variable.kind is Kind.STRING:
         SubElement(element, "Start", {"value": str(variable.start)})
     else:
-        text = start_text(variable)
+        text = _start_text(variable)
         element.set("start", " ".join([text] * variable.count))
 
 
 # --- what both versions share ---------------------------------------------------------------------
 
 
-def head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[str, str]:
+def _head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[str, str]:
     """Return the attributes of the root that both versions have; the time is that of the build.
 
     structured : declare that names follow the structured naming convention, which they do.
@@ -224,7 +224,7 @@ def head(definition: UnitDefinition, version: str, *, structured: bool) -> dict[
     }
 
 
-def add_units(root: Element, variables: Iterable[Variable]) -> None:
+def _add_units(root: Element, variables: Iterable[Variable]) -> None:
     """Add the definitions of the units that variables have."""
     used = {variable.unit for variable in variables}
     definitions = SubElement(root, "UnitDefinitions")
@@ -244,7 +244,7 @@ class DeclaredType(NamedTuple):
     items: tuple[dict[str, str], ...] = ()
 
 
-def used_types(variables: Iterable[Variable]) -> dict[str, DeclaredType]:
+def _used_types(variables: Iterable[Variable]) -> dict[str, DeclaredType]:
     """Return the declared types that variables have, by name."""
     used = {variable.type_name for variable in variables}
     found = {}
@@ -265,20 +265,20 @@ def used_types(variables: Iterable[Variable]) -> dict[str, DeclaredType]:
     return {name: own for name, own in found.items() if name in used}
 
 
-def add_categories(root: Element) -> None:
+def _add_categories(root: Element) -> None:
     """Add the categories of log messages."""
     categories = SubElement(root, "LogCategories")
     for name, description in CATEGORIES.items():
         SubElement(categories, "Category", {"name": name, "description": description})
 
 
-def add_experiment(root: Element, definition: UnitDefinition) -> None:
+def _add_experiment(root: Element, definition: UnitDefinition) -> None:
     """Add the proposed experiment."""
     times = {"startTime": 0.0, "stopTime": definition.stop_time, "stepSize": definition.step_size}
     SubElement(root, "DefaultExperiment", {name: repr(value) for name, value in times.items()})
 
 
-def limits(variable: Variable) -> dict[str, str]:
+def _limits(variable: Variable) -> dict[str, str]:
     """Return the attributes for type, unit and limits of a variable."""
     found = {"min": variable.minimum, "max": variable.maximum}
     texts = {"declaredType": variable.type_name}
@@ -291,7 +291,7 @@ def limits(variable: Variable) -> dict[str, str]:
     }
 
 
-def start_text(variable: Variable) -> str:
+def _start_text(variable: Variable) -> str:
     """Return the start value of one scalar as XML has it."""
     if variable.kind is Kind.BOOLEAN:
         return str(bool(variable.start)).lower()
@@ -300,7 +300,7 @@ def start_text(variable: Variable) -> str:
     return str(variable.start)
 
 
-def initial(variable: Variable) -> dict[str, str]:
+def _initial(variable: Variable) -> dict[str, str]:
     """Return the attribute that says where the value at the start comes from."""
     if variable.causality in ("input", "independent"):
         return {}

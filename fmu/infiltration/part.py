@@ -71,7 +71,7 @@ def define_infiltration(
     unit: Mapping[str, Any], resources: Path
 ) -> tuple[UnitDefinition, InfiltrationPart]:
     """Return what an infiltration unit is, from its file and its resources."""
-    case, directory = read_case(unit, resources)
+    case, directory = _read_case(unit, resources)
     setup = set_up(read_part(resources / PART_FOLDER), case, directory)
     interface = read_interface(resources / INTERFACE_FILE)
     title = f"{setup.part.dataset.attrs.get('title', '')}: {unit['name']}".lstrip(": ")
@@ -97,7 +97,7 @@ def define_infiltration(
     return definition, InfiltrationPart(setup, interface, unit["motion"], unit["name"])
 
 
-def read_case(unit: Mapping[str, Any], resources: Path) -> tuple[Infiltration, Path]:
+def _read_case(unit: Mapping[str, Any], resources: Path) -> tuple[Infiltration, Path]:
     """Return the infiltration of a unit, and the folder to which its file names are relative."""
     path = resources / unit["case"]
     if unit["entry"] is None:
