@@ -31,6 +31,7 @@ def define(unit: dict[str, Any], resources: Path) -> tuple[UnitDefinition, Part]
     ------
     InputError : the resources are not those of a unit that this lcmchain knows.
     """
+    # A process that runs units of one part does not load the physics of the other.
     if unit["part"] == "forming":
         from lcmchain.fmu.forming.part import define_forming
 

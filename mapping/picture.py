@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.patches import Patch
 
 from lcmchain.mapping.fields import MappedFields
-from lcmchain.mapping.plies import of_ply, on_faces_of_one
+from lcmchain.mapping.plies import each_ply, on_faces_of_one
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh
@@ -100,7 +101,7 @@ def comparable(sheet: Sheet) -> tuple[Sheet, str]:
     Fields of a target are those of a stack. Of plies that is the largest one, with what all that
     lie over each other have there together.
     """
-    plies = [of_ply(sheet, number) for number in range(len(sheet.ply_names))]
+    plies = each_ply(sheet)
     if not sheet.is_stack or not all("thickness" in ply.scalars for ply in plies):
         return sheet, "formed sheet"
     areas = [float(ply.surface.areas.sum()) for ply in plies]  # as on_faces_of_one chooses
@@ -229,8 +230,6 @@ def _draw_families(axis, mesh: _Drawn, families: list[np.ndarray]) -> None:
 
 
 def _explain_status(figure, weights: MappingWeights) -> None:
-    from matplotlib.patches import Patch
-
     marks = []
     if np.any(weights.status == Status.EXTRAPOLATED):
         hatch = HATCHES[Status.EXTRAPOLATED]

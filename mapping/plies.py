@@ -52,6 +52,11 @@ def of_ply(sheet: Sheet, number: int) -> Sheet:
     )
 
 
+def each_ply(sheet: Sheet) -> list[Sheet]:
+    """Return every ply of a stack as a sheet of its own; none for a single sheet."""
+    return [of_ply(sheet, number) for number in range(len(sheet.ply_names))]
+
+
 def described(sheet: Sheet, variable: str) -> dict[str, Any]:
     """Attributes of a field of a mapping: unit, name and definition."""
     known = ATTRIBUTES | {key: dict(about) for key, about in sheet.attributes.items()}
@@ -81,7 +86,7 @@ def on_faces_of_one(sheet: Sheet) -> tuple[Sheet, tuple[str, ...]]:
     InputError : a ply has no thickness.
     """
     names = sheet.ply_names
-    plies = [of_ply(sheet, number) for number in range(len(names))]
+    plies = each_ply(sheet)
     for name, ply in zip(names, plies, strict=True):
         if "thickness" not in ply.scalars:
             raise InputError(

@@ -12,7 +12,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.fields import MappedFields, carried
-from lcmchain.mapping.plies import EVEN, HEIGHT, SHARE, leading_values, of_ply
+from lcmchain.mapping.plies import EVEN, HEIGHT, SHARE, each_ply, leading_values, of_ply
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, PrincipalPermeability, Sheet
 from lcmchain.mapping.solids.weights import compute_solid_weights
 from lcmchain.mapping.surfaces.averages import MappedDirections, mean_over_cells, through_layers
@@ -54,7 +54,7 @@ def compute_weights(
         raise InputError(f"the order of a mapping is 1 or 2, not {order}")
     if target.is_solid and method == "overlap":
         return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
-    plies = _plies(sheet) if sheet.is_stack else [sheet]
+    plies = each_ply(sheet) if sheet.is_stack else [sheet]
     each = [
         surface_weights(ply, target, method=method, order=order, maximum_distance=maximum_distance)
         for ply in plies
@@ -70,10 +70,6 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
     if sheet.is_stack:
         return _of_stack(sheet, target, weights)
     return carried(sheet, weights, _normals(target))
-
-
-def _plies(sheet: Sheet) -> list[Sheet]:
-    return [of_ply(sheet, number) for number in range(len(sheet.ply_names))]
 
 
 def _normals(target: TargetMesh) -> np.ndarray | None:
@@ -195,7 +191,7 @@ def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mapp
     """
     names = sheet.ply_names
     shares = _shares(sheet, weights)
-    plies = _plies(sheet)
+    plies = each_ply(sheet)
     own = [_weights_of(sheet, weights, number, shares) for number in range(len(names))]
     each = [carried(ply, ply_weights, _normals(target)) for ply, ply_weights in zip(plies, own)]
     leading = np.argmax(shares >= shares.max(axis=0) - EVEN, axis=0)

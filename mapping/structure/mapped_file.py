@@ -1,4 +1,4 @@
-"""What the structural stage takes from a mapped file: the plies of textile in every cell."""
+"""A mapped file as later stages read it: whether it is one, and the plies in every cell."""
 
 from __future__ import annotations
 
