@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import platform
 import re
+import shutil
 import tempfile
 import warnings
 import zipfile
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from importlib.resources import files
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,16 @@ from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
 from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
-from lcmchain.fmu import description, description2, description3
-from lcmchain.fmu.documentation import documentation
+from lcmchain.fmu.description import (
+    as_bytes,
+    document,
+    documentation,
+    model_description,
+    terminals_of,
+)
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
 from lcmchain.fmu.part import UnitDefinition
-from lcmchain.fmu.scene_files import stage_scene
-from lcmchain.fmu.terminals import document, terminals_of
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.process import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
@@ -129,16 +133,15 @@ def write_unit(
     definition, _ = define(unit, resources)
     unit["guid"] = definition.guid
     _write_resources(resources, unit, fmi)
-    describe = (description2 if fmi == 2 else description3).model_description
-    root = describe(definition, needs_tool=needs_tool)
+    root = model_description(definition, fmi, needs_tool=needs_tool)
     contents = {
-        "modelDescription.xml": description.as_bytes(root),
+        "modelDescription.xml": as_bytes(root),
         **_binaries(fmi, definition),
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
     ports = terminals_of(definition.variables) if fmi == 3 else []
     if ports:
-        contents[TERMINALS_FILE] = description.as_bytes(document(ports))
+        contents[TERMINALS_FILE] = as_bytes(document(ports))
     for path in sorted(resources.rglob("*")):
         if path.is_file():
             contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
@@ -158,6 +161,31 @@ def model_identifier(name: str) -> str:
     return identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
 
 
+def stage_scene(scene: Scene, folder: Path) -> list[str]:
+    """Copy the scene and the files that it names; return the overrides that name moved files.
+
+    Raises
+    ------
+    InputError : a file cannot be read.
+    """
+    folder.mkdir()
+    (folder / "scene.toml").write_text(scene.source.text, encoding="utf-8")
+    overrides: list[str] = []
+    for key, value in scene.source.files:
+        place = PurePath(value)
+        if place.is_absolute() or ".." in place.parts or place == PurePath("scene.toml"):
+            # Files from elsewhere get a folder of their own, where no two share a name.
+            place = PurePath("files", f"{len(overrides)}_{place.name}")
+            overrides.append(f"{key}={json.dumps(place.as_posix())}")
+        target = folder / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            shutil.copyfile(scene.source.directory / value, target)
+        except OSError as error:
+            raise InputError(f'"{value}" cannot be read: {error.strerror}', key=key) from None
+    return overrides
+
+
 def _forming_entries(
     scene: Scene,
     fmi: int,
@@ -168,9 +196,15 @@ def _forming_entries(
     interface: int = 0,
 ) -> dict[str, Any]:
     """Check a scene for forming, write its interface, and return what its unit holds about it."""
-    from lcmchain.fmu.forming import abilities_of, meshes_of
-    from lcmchain.fmu.forming_variables import FIELDS_OF_FMI2, FLUID_FIELDS_OF_FMI2, field_names
-    from lcmchain.fmu.interface_fields import INTERFACE_FILE, interface_of
+    from lcmchain.fmu.forming.interface import interface_of
+    from lcmchain.fmu.forming.variables import (
+        FIELDS_OF_FMI2,
+        FLUID_FIELDS_OF_FMI2,
+        abilities_of,
+        field_names,
+        meshes_of,
+    )
+    from lcmchain.fmu.part import INTERFACE_FILE
 
     blanks = [ply.build_blank() for ply in scene.stack]
     tools = build_tool_table(

@@ -9,12 +9,10 @@ from xml.etree.ElementTree import Element
 
 from pythonfmu import Fmi2Slave
 
-from lcmchain.fmu.description2 import model_description
+from lcmchain.fmu.conduct import CATEGORIES, Report, Status, outermost, watch
+from lcmchain.fmu.description import model_description
 from lcmchain.fmu.instances import open_unit, read_state
-from lcmchain.fmu.interrupts import outermost, watch
-from lcmchain.fmu.messages import Report
-from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.status import CATEGORIES, Status
+from lcmchain.fmu.part import SavedState, Unreadable
 from lcmchain.fmu.unit import Unit
 from lcmchain.fmu.variables import Kind
 
@@ -37,7 +35,7 @@ class UnitSlave2(Fmi2Slave):
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""
-        return model_description(self.unit.definition)
+        return model_description(self.unit.definition, 2)
 
     # --- course of a simulation -------------------------------------------------------------------
 

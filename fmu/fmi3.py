@@ -13,12 +13,11 @@ from pythonfmu3 import Fmi3Slave
 from pythonfmu3.enums import Fmi3Status
 from pythonfmu3.fmi3slave import Fmi3StepResult
 
-from lcmchain.fmu.description3 import model_description
+from lcmchain.fmu.conduct import CATEGORIES, Phase, Status, outermost, watch
+from lcmchain.fmu.description import model_description
 from lcmchain.fmu.fmi2 import report_to, set_texts, whole
 from lcmchain.fmu.instances import open_unit, read_state
-from lcmchain.fmu.interrupts import outermost, watch
-from lcmchain.fmu.saved_state import SavedState, Unreadable
-from lcmchain.fmu.status import CATEGORIES, Phase, Status
+from lcmchain.fmu.part import SavedState, Unreadable
 from lcmchain.fmu.variables import Kind
 
 # pythonfmu3 reads as many values as the master says, which may be more than there are: beyond the
@@ -54,7 +53,7 @@ class UnitSlave3(Fmi3Slave):
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description of the unit."""
-        return model_description(self.unit.definition)
+        return model_description(self.unit.definition, 3)
 
     # --- course of a simulation -------------------------------------------------------------------
 

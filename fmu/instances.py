@@ -11,9 +11,8 @@ from typing import Any
 
 from lcmchain import __version__
 from lcmchain.errors import InputError, LcmchainError
-from lcmchain.fmu.messages import Report
-from lcmchain.fmu.part import Part, UnitDefinition
-from lcmchain.fmu.saved_state import SavedState, Unreadable
+from lcmchain.fmu.conduct import Report
+from lcmchain.fmu.part import Part, SavedState, UnitDefinition, Unreadable
 from lcmchain.fmu.unit import Unit
 
 #: File in the resources of a unit that says what it holds; written by ``fmu/build.py``.
@@ -32,12 +31,13 @@ def define(unit: dict[str, Any], resources: Path) -> tuple[UnitDefinition, Part]
     ------
     InputError : the resources are not those of a unit that this lcmchain knows.
     """
+    # A process that runs units of one part does not load the physics of the other.
     if unit["part"] == "forming":
-        from lcmchain.fmu.forming import define_forming
+        from lcmchain.fmu.forming.part import define_forming
 
         return define_forming(unit, resources)
     if unit["part"] == "infiltration":
-        from lcmchain.fmu.infiltration import define_infiltration
+        from lcmchain.fmu.infiltration.part import define_infiltration
 
         return define_infiltration(unit, resources)
     raise InputError(f'this lcmchain {__version__} knows no unit of the part "{unit["part"]}"')

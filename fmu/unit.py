@@ -14,15 +14,20 @@ from typing import Any
 import numpy as np
 
 from lcmchain.errors import LcmchainError
-from lcmchain.fmu import interrupts
-from lcmchain.fmu.guard import guarded
-from lcmchain.fmu.layout import Layout
-from lcmchain.fmu.messages import Messages, Report
-from lcmchain.fmu.part import Part, UnitDefinition
-from lcmchain.fmu.saved_state import PartState, SavedState
-from lcmchain.fmu.status import Phase, Refused, Status, StepOutcome
-from lcmchain.fmu.values import Values
-from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Variable
+from lcmchain.fmu.conduct import (
+    Messages,
+    Phase,
+    Refused,
+    Report,
+    Status,
+    StepOutcome,
+    catching,
+    guarded,
+    outermost,
+    take_noted,
+)
+from lcmchain.fmu.part import Part, PartState, SavedState, UnitDefinition
+from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Layout, Values, Variable
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
@@ -65,7 +70,7 @@ class Unit:
     # --- course of a simulation -------------------------------------------------------------------
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def set_up(self, start_time: float, stop_time: float | None = None) -> Status:
         """Note when the experiment starts, and when it ends at the latest [s].
 
@@ -110,10 +115,10 @@ class Unit:
         return Status.OK
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def step(self, time: float, size: float) -> Status:
         """Advance from ``time`` to ``time + size`` [s] exactly, or change nothing and discard."""
-        if interrupts.take_noted():
+        if take_noted():
             self.outcome = StepOutcome.INTERRUPTED
         obstacle = self._obstacle(time, size)
         self._refusals.clear()
@@ -145,7 +150,7 @@ class Unit:
         return Status.OK
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def terminate(self) -> Status:
         """Write the results."""
         self._require("terminate", Phase.STEPPING)
@@ -157,7 +162,7 @@ class Unit:
     # --- values -----------------------------------------------------------------------------------
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def get_numbers(self, references: Sequence[int], kind: Kind) -> np.ndarray:
         """Return the values of variables that are no texts, one field after the other."""
         slots = self._located(references, kind)
@@ -167,7 +172,7 @@ class Unit:
         return self.values.numbers[slots].copy()
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def get_texts(self, references: Sequence[int]) -> list[str]:
         """Return the values of texts."""
         touched = self._variables_of(self._located(references, Kind.STRING))
@@ -175,7 +180,7 @@ class Unit:
         return [self.values.texts[variable.name] for variable in touched]
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def set_numbers(self, references: Sequence[int], values: Sequence[Any], kind: Kind) -> Status:
         """Set parameters or inputs that are no texts; all of them or none."""
         slots = self._settable(references, kind)
@@ -186,7 +191,7 @@ class Unit:
         return Status.OK
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def set_texts(self, references: Sequence[int], values: Sequence[Any]) -> Status:
         """Set parameters that are texts; all of them or none."""
         touched = self._variables_of(self._settable(references, Kind.STRING))
@@ -198,7 +203,7 @@ class Unit:
     # --- rollback ---------------------------------------------------------------------------------
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def save(self) -> SavedState | None:
         """Return a copy of the whole state, inputs included; None if there is none."""
         numbers, texts = self.values.settings()
@@ -215,7 +220,7 @@ class Unit:
         )
 
     @guarded
-    @interrupts.outermost
+    @outermost
     def restore(self, saved: Any) -> Status:
         """Go back to a saved state of this unit, of this process or another; it stays as it is."""
         self._require_own(saved)
@@ -333,7 +338,7 @@ class Unit:
         self.say(text, status)
         return status
 
-    @interrupts.catching
+    @catching
     def _advance(self, size: float) -> None:
         self.part.advance(size)
 

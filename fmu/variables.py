@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal, NamedTuple
+
+import numpy as np
 
 
 class Kind(Enum):
@@ -269,3 +271,151 @@ STEP_OUTCOME = Variable(
     declared_type="StepOutcome",
     group="status",
 )
+
+
+# --- values of an instance: where they lie in one flat array, by reference and by name ------------
+
+
+class Layout:
+    """Where the values of variables lie in one flat array, and which reference means which.
+
+    With ``arrays`` (FMI 3) a variable has one value reference, its place in the definition; without
+    (FMI 2) every scalar has one, which is its slot.
+
+    Parameters
+    ----------
+    variables : the definition. arrays : whether fields have one reference.
+    """
+
+    def __init__(self, variables: Sequence[Variable], *, arrays: bool) -> None:
+        self.variables, self.arrays = tuple(variables), arrays
+        counts = np.array([variable.count for variable in self.variables], dtype=np.int64)
+        self.first = np.concatenate([[0], np.cumsum(counts)])
+        self.slot_count = int(self.first[-1])
+        self.slots = {
+            variable.name: slice(int(self.first[i]), int(self.first[i + 1]))
+            for i, variable in enumerate(self.variables)
+        }
+        self.of_slot = np.repeat(np.arange(len(self.variables)), counts)
+        kinds = [list(Kind).index(variable.kind) for variable in self.variables]
+        self._kind_of_variable = np.array(kinds, dtype=np.int8)
+        if arrays:
+            self._kind = self._kind_of_variable
+        else:
+            self._kind = self._kind_of_variable[self.of_slot]
+        self._all = list(range(self._kind.size))
+
+    def locate(self, references: Sequence[int], kind: Kind) -> slice | np.ndarray:
+        """Return the slots of references, a slice where they follow each other.
+
+        Raises
+        ------
+        KeyError : a reference that no variable of this kind has; its argument is the reference.
+        """
+        references = list(references)
+        if not references:
+            return slice(0, 0)
+        first, last = references[0], references[-1]
+        if 0 <= first <= last < self._kind.size and references == self._all[first : last + 1]:
+            fits = self._kind[first : last + 1] == list(Kind).index(kind)
+            if not fits.all():
+                raise KeyError(references[int(np.flatnonzero(~fits)[0])])
+            if self.arrays:
+                return slice(int(self.first[first]), int(self.first[last + 1]))
+            return slice(first, last + 1)
+        code = list(Kind).index(kind)
+        for reference in references:
+            if not 0 <= reference < self._kind.size or self._kind[reference] != code:
+                raise KeyError(reference)
+        if not self.arrays:
+            return np.array(references)
+        ranges = [np.arange(self.first[one], self.first[one + 1]) for one in references]
+        return np.concatenate(ranges)
+
+    def touched(self, slots: slice | np.ndarray) -> list[Variable]:
+        """Return the variables that slots belong to."""
+        of_slot = self.of_slot[slots]
+        if of_slot.size == 0:
+            return []
+        if isinstance(slots, slice):
+            return list(self.variables[of_slot[0] : of_slot[-1] + 1])
+        return [self.variables[index] for index in np.unique(of_slot)]
+
+
+class Values:
+    """Values of all variables; those of texts by name.
+
+    Parameters
+    ----------
+    layout : where the values lie.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.numbers = np.zeros(layout.slot_count)
+        self.texts: dict[str, str] = {}
+        for variable in layout.variables:
+            if variable.kind is Kind.STRING:
+                self.texts[variable.name] = str(variable.start or "")
+            elif variable.start is not None:
+                self.numbers[layout.slots[variable.name]] = variable.start
+
+    def number(self, name: str) -> float:
+        """Return the value of a scalar, 0 where there is none of this name."""
+        where = self.layout.slots.get(name)
+        return 0.0 if where is None else float(self.numbers[where.start])
+
+    def field(self, name: str) -> np.ndarray:
+        """Return a copy of the values of a field."""
+        return self.numbers[self.layout.slots[name]].copy()
+
+    def set_outputs(self, found: dict[str, float | np.ndarray]) -> None:
+        """Set the named ones that the unit has."""
+        for name, value in found.items():
+            if name in self.layout.slots:
+                self.numbers[self.layout.slots[name]] = value
+
+    def inputs(self) -> Iterator[tuple[Variable, np.ndarray]]:
+        """Yield the inputs with their values."""
+        for variable in self.layout.variables:
+            if variable.causality == "input":
+                yield variable, self.numbers[self.layout.slots[variable.name]]
+
+    def not_finite(self) -> str:
+        """Name an input that is no finite number; empty if all are."""
+        for variable, values in self.inputs():
+            if not np.isfinite(values).all():
+                entry = int(np.flatnonzero(~np.isfinite(values))[0])
+                place = "" if variable.size is None else f"[{entry + 1}]"
+                return f"the input {variable.name}{place} is {values[entry]}"
+        return ""
+
+    def inputs_in_words(self) -> str:
+        """Return the inputs with their values, of fields their range."""
+        words = []
+        for variable, values in self.inputs():
+            if variable.size is not None:
+                words.append(f"{variable.name} = {values.min():.6g} to {values.max():.6g}")
+            elif variable.kind is Kind.BOOLEAN:
+                words.append(f"{variable.name} = {bool(values[0])}")
+            else:
+                words.append(f"{variable.name} = {float(values[0])!r}")
+        return ", ".join(words) or "none"
+
+    def settings(self) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+        """Return copies of the parameters and inputs: numbers and texts, by name."""
+        numbers, texts = {}, {}
+        for variable in self.layout.variables:
+            if variable.causality not in ("parameter", "input"):
+                continue
+            if variable.kind is Kind.STRING:
+                texts[variable.name] = self.texts[variable.name]
+            else:
+                numbers[variable.name] = self.field(variable.name)
+        return numbers, texts
+
+    def take(self, numbers: dict[str, np.ndarray], texts: dict[str, str]) -> None:
+        """Set parameters and inputs from :meth:`settings`."""
+        for name, values in numbers.items():
+            self.numbers[self.layout.slots[name]] = values
+        self.texts |= texts

@@ -1,10 +1,10 @@
-from .options import MappingOptions
+from .fields import MappedFields
 from .report import MappingReport
 from .sheet import Sheet, read_sheet
-from .stage import map_file, map_forming
+from .stage import MappingOptions, map_file, map_forming
 from .target import TargetMesh, read_target
-from .transfer import MappedFields, transfer
-from .weights import MappingWeights, Status, compute_weights
+from .transfer import compute_weights, transfer
+from .weights import MappingWeights, Status
 
 __all__ = [
     "MappedFields",

@@ -123,11 +123,11 @@ def _memory() -> int:
 
 
 def _own(program: str) -> Callable:
-    from lcmchain.mapping.averages import mean_over_cells
     from lcmchain.mapping.sheet import Sheet
-    from lcmchain.mapping.surface import Surface
+    from lcmchain.mapping.surfaces.averages import mean_over_cells
+    from lcmchain.mapping.surfaces.surface import Surface
     from lcmchain.mapping.target import TargetMesh
-    from lcmchain.mapping.weights import compute_weights
+    from lcmchain.mapping.transfer import compute_weights
 
     order = 1 if program.startswith("first") else 2
 

@@ -1,7 +1,9 @@
-"""Files of a mapping: netCDF (UGRID) and VTU, both complete or not at all."""
+"""Files of a mapping: netCDF (UGRID) and VTU, each complete or not at all, and series over time."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,9 +11,15 @@ from typing import TYPE_CHECKING
 import meshio
 import numpy as np
 
+from lcmchain import __version__
+from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
-from lcmchain.fields.vtu import vtk_blocks, write_mesh
+from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
+from lcmchain.mapping.fields import ERROR, PERMEABILITY, MappedFields, turned
+from lcmchain.mapping.frames import MappedFrame
 from lcmchain.mapping.plies import described
+from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import Sheet, file_sha256
 from lcmchain.mapping.target import TargetMesh
@@ -21,7 +29,6 @@ from lcmchain.mapping.target.variables import (
     node_variables,
     point_data,
 )
-from lcmchain.mapping.transfer import ERROR, PERMEABILITY, MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 
 if TYPE_CHECKING:
@@ -72,7 +79,7 @@ def mapped_dataset(
     variables |= mesh.node_positions(target.points[used])
     if sheet.time is not None:
         variables[TIME] = saved_times(np.asarray(sheet.time))
-    for name, (values, attributes) in cell_fields(sheet, weights, mapped).items():
+    for name, (values, attributes) in _cell_fields(sheet, weights, mapped).items():
         variables[name] = mesh.on_cells(values, attributes)
     for name, (values, attributes) in cell_variables(target).items():
         variables[name] = mesh.on_cells(values, attributes)
@@ -99,7 +106,7 @@ def write_vtu(
     """
     data = {
         name: values
-        for name, (values, _) in cell_fields(sheet, weights, mapped).items()
+        for name, (values, _) in _cell_fields(sheet, weights, mapped).items()
         if name[:-2] not in mapped.vectors
     }
     data |= mapped.vectors | cell_data(target)
@@ -113,29 +120,7 @@ def write_vtu(
     write_mesh(path, mesh)
 
 
-def _at_nodes(sheet: Sheet, mapped: MappedFields) -> dict:
-    """Return values (N,) and attributes of every field at the nodes; none where not asked for."""
-    if mapped.at_nodes is None:
-        return {}
-    fields = dict(mapped.at_nodes.scalars)
-    for stem, vectors in mapped.at_nodes.vectors.items():
-        for axis, values in zip("xyz", vectors.T, strict=True):
-            fields[f"{stem}_{axis}"] = np.ascontiguousarray(values)
-    return {
-        f"{name}{AT_NODES}": (values, {**_attributes(sheet, name), "comment": OF_NODES})
-        for name, values in fields.items()
-    }
-
-
-def _point_fields(mapped: MappedFields) -> dict[str, np.ndarray]:
-    """Return the fields at the nodes for a VTU file, directions and axes as vectors."""
-    if mapped.at_nodes is None:
-        return {}
-    found = mapped.at_nodes.scalars | mapped.at_nodes.vectors
-    return {f"{name}{AT_NODES}": values for name, values in found.items()}
-
-
-def cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
+def _cell_fields(sheet: Sheet, weights: MappingWeights, mapped: MappedFields) -> dict:
     """Return values (C,) and attributes of every cell variable, in the order of the file."""
     fields = {}
     for name, values in mapped.scalars.items():
@@ -201,6 +186,28 @@ def _attributes(sheet: Sheet, name: str) -> dict:
     return {"long_name": name, "units": "1", **described(sheet, name), "_FillValue": np.nan}
 
 
+def _at_nodes(sheet: Sheet, mapped: MappedFields) -> dict:
+    """Return values (N,) and attributes of every field at the nodes; none where not asked for."""
+    if mapped.at_nodes is None:
+        return {}
+    fields = dict(mapped.at_nodes.scalars)
+    for stem, vectors in mapped.at_nodes.vectors.items():
+        for axis, values in zip("xyz", vectors.T, strict=True):
+            fields[f"{stem}_{axis}"] = np.ascontiguousarray(values)
+    return {
+        f"{name}{AT_NODES}": (values, {**_attributes(sheet, name), "comment": OF_NODES})
+        for name, values in fields.items()
+    }
+
+
+def _point_fields(mapped: MappedFields) -> dict[str, np.ndarray]:
+    """Return the fields at the nodes for a VTU file, directions and axes as vectors."""
+    if mapped.at_nodes is None:
+        return {}
+    found = mapped.at_nodes.scalars | mapped.at_nodes.vectors
+    return {f"{name}{AT_NODES}": values for name, values in found.items()}
+
+
 def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the used nodes, and the corner table that counts only these."""
     used, numbers = np.unique(corners[corners >= 0], return_inverse=True)
@@ -213,7 +220,7 @@ def _global_attributes(
     sheet: Sheet, target: TargetMesh, report: MappingReport, command: str
 ) -> dict:
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    step = f"{now} mapped by lcmchain {_version()}, as by: {command}"
+    step = f"{now} mapped by lcmchain {__version__}, as by: {command}"
     history = sheet.provenance.get("history", "")
     origin = {}
     if target.file is not None:
@@ -224,7 +231,7 @@ def _global_attributes(
         "Conventions": CONVENTIONS,
         "title": f"{of_part}forming fields on the {report.kind} mesh {report.name}",
         "history": f"{step}\n{history}".strip(),
-        "source": f"lcmchain {_version()}, mapping",
+        "source": f"lcmchain {__version__}, mapping",
         **origin,
         "mapping_method": report.method,
         "mapping_maximum_distance_m": report.maximum_distance,
@@ -234,7 +241,128 @@ def _global_attributes(
     }
 
 
-def _version() -> str:
-    from lcmchain import __version__
+# --- solids: their skin as the mesh that any reader opens, and all cells in a group ---------------
+# A file holds them as the forming result holds its elements: in the root group only a
+# two-dimensional mesh, since readers of UGRID files (xugrid, VTK, ugrid-checks) know no volumes.
 
-    return __version__
+SOLID = "solid"
+SKIN = UgridMesh("skin")
+
+
+def file_groups(dataset: xr.Dataset, target: TargetMesh) -> dict[str, xr.Dataset]:
+    """Return the groups of the file that holds a mapping, by their path.
+
+    Parameters
+    ----------
+    dataset : mapped fields on all cells of the target, as :func:`mapped_dataset` returns them.
+
+    Returns
+    -------
+    groups : of a shell, the dataset at the root; of a solid, its skin at the root and the dataset
+        in ``/solid``.
+    """
+    if not target.is_solid:
+        return {ROOT: dataset}
+    return {ROOT: _skin(dataset, target), SOLID: dataset}
+
+
+def _skin(dataset: xr.Dataset, target: TargetMesh) -> xr.Dataset:
+    """Outer faces with the values of the cells behind them."""
+    faces, owners = target.skin
+    # the dataset has the used corner nodes only, in ascending order
+    used = np.unique(target.corners[target.corners >= 0])
+    own, compact = np.unique(faces[faces >= 0], return_inverse=True)
+    renumbered = np.full(faces.shape, -1, dtype=np.int64)
+    renumbered[faces >= 0] = compact.reshape(-1)
+    width = 3 if np.all(renumbered[:, 3] < 0) else 4
+    variables = SKIN.topology(
+        renumbered[:, :width], long_name="skin of the solid mesh that received the forming fields"
+    )
+    variables[SKIN.name][2]["skin_of"] = f"/{SOLID}"
+    variables |= SKIN.node_positions(target.points[own])
+    volume = UgridMesh("target", topology_dimension=3)
+    nodes = np.searchsorted(used, own)
+    told = "of the cell behind the face; all cells are in the group /solid"
+    for name, variable in dataset.data_vars.items():
+        about = dict(variable.attrs)
+        if about.get("mesh") != volume.name:
+            continue
+        if variable.dims[-1:] == (volume.cell_dimension,):
+            comment = f"{about.get('comment', '')}; {told}".removeprefix("; ")
+            values = variable.values[..., owners]
+            variables[str(name)] = SKIN.on_cells(values, about | {"comment": comment})
+        elif variable.dims[-1:] == (volume.node_dimension,):
+            variables[str(name)] = SKIN.on_nodes(variable.values[..., nodes], about)
+    for name in dataset.coords:
+        if name not in volume.coordinates:
+            coordinate = dataset[name]
+            about = dict(coordinate.attrs)
+            variables[str(name)] = ([str(d) for d in coordinate.dims], coordinate.values, about)
+    return SKIN.dataset(variables, dataset.attrs)
+
+
+# --- a target that follows the material: netCDF over time, and a series for ParaView --------------
+
+
+def write_frames(
+    path: Path | str,
+    dataset: xr.Dataset,
+    frames: Iterable[MappedFrame],
+    target: TargetMesh,
+    motion: Registration | None,
+) -> xr.Dataset:
+    """Write every frame as VTU and the PVD file that lists them; return the fields over time.
+
+    Parameters
+    ----------
+    path : of the PVD file; the frames lie in the folder ``<name>_frames`` beside it.
+    dataset : the mapped fields in the frame of the weights.
+    target : as its file has it, in that frame.
+    motion : that brought the target to the sheet; what is written is moved back.
+
+    Returns
+    -------
+    The dataset with the dimension ``time`` on every field, and with the motion of the nodes as
+    ``reference_position`` (in the first frame) and ``displacement``, as in a forming result. What
+    says how the cells were mapped is that of the weights, and the same at all times.
+    """
+    used, _ = compact(target.corners)
+    mesh = UgridMesh("target", topology_dimension=3 if target.is_solid else 2)
+    on_cells = [name for name, v in dataset.data_vars.items() if v.dims == (mesh.cell_dimension,)]
+    times: list[float] = []
+    positions: list[np.ndarray] = []
+    values: dict[str, list[np.ndarray]] = {}
+    for number, frame in enumerate(frames):
+        frame = _moved_back(frame, motion)
+        write_vtu(frame_file(path, number), frame.sheet, frame.target, frame.weights, frame.mapped)
+        times.append(frame.time)
+        positions.append(frame.target.points[used])
+        fields = _cell_fields(frame.sheet, frame.weights, frame.mapped)
+        for name in map(str, on_cells):
+            of_mapping = name.startswith("mapping_") or name.endswith(ERROR)
+            if not of_mapping and dataset[name].dtype.kind == "f":
+                found = fields[name][0] if name in fields else np.full(target.cell_count, np.nan)
+                values.setdefault(name, []).append(found)
+    write_frame_list(path, times)
+
+    over_time = dataset.drop_vars(TIME, errors="ignore")
+    over_time = over_time.assign_coords({TIME: saved_times(np.array(times))})
+    if TIME in dataset.variables:
+        over_time.attrs["mapping_time_s"] = float(dataset[TIME])  # the state of the weights
+    for name, series in values.items():
+        over_time[name] = mesh.on_cells(np.stack(series), dataset[name].attrs)
+    displacement = np.stack(positions) - positions[0]
+    for name, vectors in (("reference_position", positions[0]), ("displacement", displacement)):
+        field = FIELDS[name]
+        for axis, variable in enumerate(field.variables):
+            parts = np.ascontiguousarray(vectors[..., axis])
+            over_time[variable] = mesh.on_nodes(parts, field.attributes(variable))
+    return over_time
+
+
+def _moved_back(frame: MappedFrame, motion: Registration | None) -> MappedFrame:
+    if motion is None:
+        return frame
+    points = motion.restored(frame.target.points)
+    mapped = turned(frame.mapped, motion.matrix.T)
+    return replace(frame, target=replace(frame.target, points=points), mapped=mapped)

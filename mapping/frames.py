@@ -16,13 +16,13 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import open_netcdf
-from lcmchain.mapping.search import closest_points
+from lcmchain.mapping.fields import MappedFields, fibre_mass, with_fibre_mass
 from lcmchain.mapping.sheet import Sheet, read_sheet, saved_times_of
-from lcmchain.mapping.smooth_surface import SmoothSurface
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.search import SmoothSurface, closest_points
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import MappedFields, fibre_mass, transfer, with_fibre_mass
+from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import MappingWeights
 
 

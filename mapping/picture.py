@@ -1,4 +1,4 @@
-"""Picture of a mapping: the sheet on the left, the target on the right, one colour scale."""
+"""Pictures of a mapping: sheet beside target on one colour scale, and the errors on the target."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.patches import Patch
 
-from lcmchain.mapping.plies import of_ply, on_faces_of_one
+from lcmchain.mapping.fields import MappedFields
+from lcmchain.mapping.plies import each_ply, on_faces_of_one
 from lcmchain.mapping.report import MappingReport
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, Sheet
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import MappedFields
 from lcmchain.mapping.weights import MappingWeights, Status
 from lcmchain.report.renderer import (
     axes_at,
@@ -68,9 +69,9 @@ def draw_mapping(
 ) -> None:
     """Draw thickness, fibre volume fraction and both fibre families on sheet and target (PNG)."""
     sheet, title_of_sheet = comparable(sheet)
-    meshes = _drawn_sheet(sheet), drawn_target(target, weights)
+    meshes = _drawn_sheet(sheet), _drawn_target(target, weights)
     rows = _rows(sheet, mapped, weights)
-    heights = [height_of(row.view, meshes) for row in rows]
+    heights = [_height_of(row.view, meshes) for row in rows]
     with matplotlib.rc_context(RC):
         size = LEFT + 2 * PANEL + GAP + 1.35, TOP + sum(heights) + GAP * len(rows) + BOTTOM
         figure = new_figure(*size)
@@ -100,7 +101,7 @@ def comparable(sheet: Sheet) -> tuple[Sheet, str]:
     Fields of a target are those of a stack. Of plies that is the largest one, with what all that
     lie over each other have there together.
     """
-    plies = [of_ply(sheet, number) for number in range(len(sheet.ply_names))]
+    plies = each_ply(sheet)
     if not sheet.is_stack or not all("thickness" in ply.scalars for ply in plies):
         return sheet, "formed sheet"
     areas = [float(ply.surface.areas.sum()) for ply in plies]  # as on_faces_of_one chooses
@@ -127,7 +128,7 @@ def _drawn_sheet(sheet: Sheet) -> _Drawn:
     )
 
 
-def drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
+def _drawn_target(target: TargetMesh, weights: MappingWeights | None = None) -> _Drawn:
     """Return what is seen of a target, with the status of its cells where weights are given."""
     nodes, cell = skin(target)
     corners = target.points[nodes]
@@ -229,8 +230,6 @@ def _draw_families(axis, mesh: _Drawn, families: list[np.ndarray]) -> None:
 
 
 def _explain_status(figure, weights: MappingWeights) -> None:
-    from matplotlib.patches import Patch
-
     marks = []
     if np.any(weights.status == Status.EXTRAPOLATED):
         hatch = HATCHES[Status.EXTRAPOLATED]
@@ -246,7 +245,66 @@ def _on_screen(view: View, meshes: Sequence[_Drawn]) -> np.ndarray:
     return np.concatenate([view.on_screen(mesh.corners).reshape(-1, 2) for mesh in meshes])
 
 
-def height_of(view: View, meshes: Sequence[_Drawn]) -> float:
+def _height_of(view: View, meshes: Sequence[_Drawn]) -> float:
     """Return the height [in] of a panel that shows the meshes over its width."""
     width, height = np.ptp(_on_screen(view, meshes), axis=0)
     return PANEL * float(np.clip(height / max(width, 1e-12), 0.25, 1.4))
+
+
+# --- the errors that a mapping adds to its fields -------------------------------------------------
+
+COLOURS = "YlOrRd"
+ERRORS_SHOWN = (
+    Shown("thickness", "Thickness", "µm", 1e6, COLOURS, False, 2, lowest=0.0),
+    Shown("fibre_volume_fraction", "Fibre volume fraction", "", 1.0, COLOURS, False, 5, lowest=0.0),
+    Shown("areal_fibre_mass", "Areal fibre mass", "g/m²", 1e3, COLOURS, False, 3, lowest=0.0),
+    Shown("shear_angle", "Shear angle", "°", 180.0 / np.pi, COLOURS, False, 3, lowest=0.0),
+    *(
+        Shown(name, name.replace("_", " ").capitalize(), "°", 180.0 / np.pi, COLOURS, False, 3,
+              lowest=0.0)
+        for name in FIBRE_FAMILIES
+    ),
+)  # fmt: skip
+ERROR_PANEL, BAR = 4.2, 1.35  # width of a panel and of the colour bar beside it [in]
+ERROR_LEFT, ERROR_GAP, ERROR_TOP, ERROR_BOTTOM = 0.25, 0.4, 0.95, 0.0  # around the panels [in]
+
+
+def draw_errors(
+    path: Path | str, target: TargetMesh, mapped: MappedFields, report: MappingReport
+) -> None:
+    """Draw the errors of up to six fields on the target (PNG), the worst cell of each ringed."""
+    shown = [one for one in ERRORS_SHOWN if one.name in mapped.errors]
+    # From above, where no cell hides another but on upright walls.
+    mesh, view = _drawn_target(target), FROM_ABOVE
+    height = _height_of(view, [mesh])
+    rows = max(-(-len(shown) // 2), 1)
+    with matplotlib.rc_context(RC):
+        size = (
+            2 * (ERROR_LEFT + ERROR_PANEL + BAR),
+            ERROR_TOP + rows * (height + ERROR_GAP) + ERROR_BOTTOM,
+        )
+        figure = new_figure(*size)
+        for number, field in enumerate(shown):
+            left = ERROR_LEFT + (number % 2) * (ERROR_LEFT + ERROR_PANEL + BAR)
+            bottom = size[1] - ERROR_TOP - (number // 2) * (height + ERROR_GAP) - height
+            axis = axes_at(figure, left, bottom, ERROR_PANEL, height)
+            bar = axes_at(
+                figure, left + ERROR_PANEL + 0.05, bottom + 0.18 * height, 0.16, 0.64 * height
+            )
+            errors = field.factor * mapped.errors[field.name]
+            colours = colour_scale(errors, field)
+            painted = colours.to_rgba(np.nan_to_num(errors))
+            painted[np.isnan(errors)] = UNMAPPED_COLOUR
+            draw_facets(axis, mesh.corners, view, painted[mesh.cell], rim=mesh.rim, shaded=False)
+            fit_axis(axis, view.on_screen(mesh.corners).reshape(-1, 2), 0.02)
+            axis.set_axis_off()
+            if np.isfinite(errors).any():
+                worst = int(np.nanargmax(errors))
+                place = view.on_screen(1e3 * target.centroids[worst][None])[0]
+                axis.plot(*place, "o", ms=9, mfc="none", mec="black", mew=1.0, zorder=5)
+                text = f"{field.title}: largest {field.text(float(errors[worst]))}, cell {worst}"
+                axis.set_title(text, color=FAINT, loc="left")
+            draw_colour_bar(figure, bar, colours, errors, field)
+        note = "difference to a mapping between twice finer meshes; a ring marks the worst cell"
+        headline(figure, f"{report.name}: error that the mapping adds", note)
+        save(figure, path)

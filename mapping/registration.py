@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet
-from lcmchain.mapping.smooth_surface import SmoothSurface
+from lcmchain.mapping.surfaces.search import SmoothSurface, closest_points
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.thresholds import LARGEST_TARGET_DISTANCE
 

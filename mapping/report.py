@@ -11,12 +11,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import first_few
-from lcmchain.mapping.formats.report import ExportReport
-from lcmchain.mapping.orientation import perpendicular_family_error
-from lcmchain.mapping.registration import Registration
-from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
-from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import (
+from lcmchain.mapping.fields import (
     CONTENTS,
     MappedFields,
     content_of_cells,
@@ -24,6 +19,11 @@ from lcmchain.mapping.transfer import (
     covered_areas,
     facing,
 )
+from lcmchain.mapping.formats.report import ExportReport
+from lcmchain.mapping.registration import Registration
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
+from lcmchain.mapping.surfaces.averages import perpendicular_family_error
+from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import COVERED, MappingWeights, Status
 
 # Below this the families or layers in a cell disagree so much that one direction misleads:

@@ -1,4 +1,4 @@
-"""The formed sheet as the source of a mapping: its surface and its face fields in one frame."""
+"""The formed sheet, the source of a mapping: read from a forming result, in one saved state."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,36 +15,19 @@ import xarray as xr
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fields.stack import film_names
-from lcmchain.fields.table import OF_STACK
+from lcmchain.fields.table import FIELD_OF_VARIABLE, OF_STACK
 from lcmchain.fields.ugrid import TIME
-from lcmchain.mapping.bodies import holes_of, plies_of, without_films
-from lcmchain.mapping.source_checks import (
-    UNREADABLE,
-    mesh_of,
-    require_si,
-    require_sound_fields,
-    require_whole_faces,
-)
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Fibre families that a fabric may have: one to three.
 FIBRE_FAMILIES = ("fibre_direction_1", "fibre_direction_2", "fibre_direction_3")
 
-# Fields that later stages cannot do without: a hole in one of them stops the mapping.
-NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)
-
 # Principal permeabilities and their axes, which are mapped together, as tensors.
 PERMEABILITIES = tuple(f"permeability_{number}" for number in (1, 2, 3))
 PERMEABILITY_AXES = tuple(f"permeability_direction_{number}" for number in (1, 2, 3))
-
-# What a forming result says of itself and a mapped one repeats.
-_PROVENANCE = (
-    "title", "history", "source", "institution", "comment", "state",
-    "material", "areal_mass_kg_m2", "fibre_density_kg_m3",
-)  # fmt: skip
-
-_KEPT = ("units", "long_name", "comment")
-_COMPONENT = re.compile(r"(.+)_([xyz])")
 
 
 class PrincipalPermeability(NamedTuple):
@@ -131,7 +114,7 @@ def read_sheet(source: Path | str | xr.Dataset | Sheet, *, frame: int = -1) -> S
         reason = shortened(str(error), 300)
         raise InputError(f"this is not a netCDF forming result ({reason})", file=path) from None
     sheet = _sheet_from_dataset(loaded, -1, str(path))
-    require_sound_fields(sheet.scalars, sheet.directions, str(path))
+    _require_sound_fields(sheet.scalars, sheet.directions, str(path))
     origin = {"source_file": path.name, "source_sha256": file_sha256(path)}
     return replace(sheet, provenance={**sheet.provenance, **origin})
 
@@ -181,6 +164,21 @@ def file_sha256(path: Path | str) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+# --- from a dataset to the sheet ------------------------------------------------------------------
+
+# Fields that later stages cannot do without: a hole in one of them stops the mapping.
+NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)
+
+# What a forming result says of itself and a mapped one repeats.
+_PROVENANCE = (
+    "title", "history", "source", "institution", "comment", "state",
+    "material", "areal_mass_kg_m2", "fibre_density_kg_m3",
+)  # fmt: skip
+
+_KEPT = ("units", "long_name", "comment")
+_COMPONENT = re.compile(r"(.+)_([xyz])")
+
+
 def _frame_of(dataset: xr.Dataset, frame: int, name: str) -> xr.Dataset:
     """One saved frame of a dataset; a dataset without saved frames as it is."""
     states = _states_of(dataset)[0]
@@ -205,23 +203,23 @@ def _states_of(dataset: xr.Dataset) -> tuple[str, str]:
 
 def _sheet_from_dataset(dataset: xr.Dataset, frame: int, name: str) -> Sheet:
     dataset = _frame_of(dataset, frame, name)
-    mesh, connectivity = mesh_of(dataset, name)
+    mesh, connectivity = _mesh_of(dataset, name)
     films = film_names(dataset)
     if films:  # taken off after forming: nothing of them is mapped
-        dataset = without_films(dataset, connectivity.dims[0], films)
-        mesh, connectivity = mesh_of(dataset, name)
+        dataset = _without_films(dataset, connectivity.dims[0], films)
+        mesh, connectivity = _mesh_of(dataset, name)
     points = _node_positions(dataset, mesh, name)
     faces = _faces(connectivity, name)
-    require_whole_faces(points, faces, name)
+    _require_whole_faces(points, faces, name)
     node_dimension = dataset[_position_names(dataset, mesh)[0]].dims[0]
     fields, attributes = _face_fields(dataset, connectivity.dims[0], node_dimension, faces)
     permeability = _take_permeability(fields, name)
 
-    ply, ply_names = plies_of(dataset, connectivity.dims[0], name)
+    ply, ply_names = _plies_of(dataset, connectivity.dims[0], name)
     if ply_names or films:
         fields = {key: values for key, values in fields.items() if key not in OF_STACK}
 
-    holes = {key: holes_of(values, ply) for key, values in fields.items()}
+    holes = {key: _holes_of(values, ply) for key, values in fields.items()}
     for key, bad in holes.items():
         if len(bad) and _stem(key) in NEEDED:
             raise InputError(f"{key} of face {bad[0]} is not finite", file=name)
@@ -336,7 +334,7 @@ def _position_names(dataset: xr.Dataset, mesh: Mapping) -> list[str]:
 def _node_positions(dataset: xr.Dataset, mesh: Mapping, name: str) -> np.ndarray:
     """Node positions in the frame that the dataset was cut down to."""
     keys = _position_names(dataset, mesh)
-    require_si(dataset, keys, name)
+    _require_si(dataset, keys, name)
     try:
         parts = np.stack([np.asarray(dataset[key].values, dtype=float) for key in keys], 1)
         if parts.ndim != 2 or parts.shape[1] not in (3, 6):
@@ -363,3 +361,181 @@ def _faces(connectivity: xr.DataArray, name: str) -> np.ndarray:
     if faces.shape[1] != 4 or missing[:, :3].any():
         raise InputError("faces have to be triangles or quadrilaterals", file=name)
     return faces
+
+
+# --- to which of the bodies formed together each face belongs -------------------------------------
+
+BODY = "body"
+
+
+def _plies_of(
+    dataset: xr.Dataset, face_dimension: Hashable, name: str
+) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    """Return the number of the ply of each face, shape (F,), and the plies' names.
+
+    A result with one body has neither.
+
+    Raises
+    ------
+    InputError : the flags of the faces do not say which body they mean.
+    """
+    variable = dataset.get(BODY)
+    if variable is None or variable.dtype.kind not in "iu" or variable.dims != (face_dimension,):
+        return None, ()
+    names = tuple(str(variable.attrs.get("flag_meanings", "")).split())
+    flags = np.atleast_1d(variable.attrs.get("flag_values", np.arange(len(names))))
+    values = np.asarray(variable.values)
+    if len(set(names)) != len(flags) or not np.isin(values, flags).all():
+        raise InputError(
+            f'the faces of several bodies are marked by "{BODY}", but its flag_values and '
+            "flag_meanings do not name them all",
+            file=name,
+        )
+    # bodies without a face are no plies
+    used, ply = np.unique(values, return_inverse=True)
+    if len(used) < 2:
+        return None, ()
+    order = {int(flag): word for flag, word in zip(flags, names, strict=True)}
+    return ply.reshape(-1).astype(np.int64), tuple(order[int(flag)] for flag in used)
+
+
+def _without_films(
+    dataset: xr.Dataset, face_dimension: Hashable, films: tuple[str, ...]
+) -> xr.Dataset:
+    """Return a forming result without the faces of its films."""
+    names = str(dataset[BODY].attrs.get("flag_meanings", "")).split()
+    flags = np.atleast_1d(dataset[BODY].attrs.get("flag_values", np.arange(len(names))))
+    gone = [flag for flag, name in zip(flags, names, strict=True) if name in films]
+    kept = np.flatnonzero(~np.isin(dataset[BODY].values, gone))
+    return dataset.isel({face_dimension: kept})
+
+
+def _holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
+    """Faces without a value, shape (H,); a ply that does not have the field at all has no holes."""
+    bad = ~np.isfinite(values)
+    if ply is not None and bad.any() and not bad.all():
+        absent = np.bincount(ply, weights=~bad) == 0.0
+        bad &= ~absent[ply]
+    return np.flatnonzero(bad)
+
+
+# --- whether a file is a whole forming result: a mesh, its faces, and fields in SI units ----------
+
+#: What the netCDF libraries raise on a damaged file, when it is opened or when values are read.
+UNREADABLE = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError)
+
+# Farthest place of a node [m] that squares and products of lengths can be computed with.
+FARTHEST = 1e9
+
+# Lowest and highest values that a formed textile may have, far from any that one has (SI).
+PLAUSIBLE = {
+    "thickness": (0.0, 1.0),
+    "areal_fibre_mass": (0.0, 1e4),
+    "fibre_volume_fraction": (0.0, 100.0),
+    "shear_angle": (-np.pi, np.pi),
+}
+
+_POSITION_UNITS = ("m", "metre", "meter")
+
+
+def _mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.DataArray]:
+    """Return attributes and connectivity of the only two-dimensional mesh.
+
+    Raises
+    ------
+    InputError : there is none or several, or its connectivity is no table of whole numbers.
+    """
+    found = [
+        variable.attrs
+        for variable in dataset.variables.values()
+        if str(variable.attrs.get("cf_role")) == "mesh_topology"
+        and str(variable.attrs.get("topology_dimension")) == "2"
+    ]
+    if len(found) != 1:
+        raise InputError(
+            f"a forming result has one two-dimensional mesh, this has {len(found)}", file=name
+        )
+    if "skin_of" in found[0]:
+        raise InputError(
+            "this holds fields on a solid mesh, which is no formed sheet; map from forming.nc",
+            file=name,
+        )
+    key = str(found[0].get("face_node_connectivity"))
+    if key not in dataset.variables:
+        raise InputError(f'the mesh has no faces: there is no variable "{key}"', file=name)
+    connectivity = dataset[key]
+    if connectivity.ndim != 2 or connectivity.dtype.kind not in "iuf":
+        raise InputError(f'the faces of the mesh ("{key}") are no table of node numbers', file=name)
+    if found[0].get("face_dimension") not in (None, connectivity.dims[0]):
+        raise InputError("the mesh says two things about the dimension of its faces", file=name)
+    return found[0], connectivity
+
+
+def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
+    """Refuse positions and fields that say they are in another unit than forming writes.
+
+    Raises
+    ------
+    InputError : names the variable and both units.
+    """
+    wanted: dict[str, tuple[str, ...]] = dict.fromkeys(positions, _POSITION_UNITS)
+    wanted |= {key: (field.units,) for key, field in FIELD_OF_VARIABLE.items() if key not in wanted}
+    for key, units in wanted.items():
+        found = dataset[key].attrs.get("units") if key in dataset else None
+        if found is not None and str(found) not in units:
+            raise InputError(
+                f'{key} is in "{found}", but a forming result has it in "{units[0]}"; convert it '
+                "or form again",
+                file=name,
+            )
+
+
+def _require_whole_faces(points: np.ndarray, faces: np.ndarray, name: str) -> None:
+    """Refuse faces whose nodes do not exist, lie nowhere, or enclose no area.
+
+    Parameters
+    ----------
+    points : node positions [m], shape (N, 3).
+    faces : node numbers, shape (F, 4); -1 in the last column marks a triangle.
+    """
+    if len(faces) == 0:
+        raise InputError("the mesh has no faces", file=name)
+    if faces[:, :3].min() < 0 or faces.max() >= len(points):
+        raise InputError("faces point to nodes that do not exist", file=name)
+    if not np.isfinite(points).all() or np.abs(points).max() > FARTHEST:
+        raise InputError("the mesh has node positions that are not finite", file=name)
+    last = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
+    a, b, c, d = (points[nodes] for nodes in (*faces[:, :3].T, last))
+    flat = np.flatnonzero(~np.any(np.cross(c - a, d - b), axis=1))
+    if len(flat):
+        raise InputError(
+            f"{len(flat)} faces of the mesh have no area, the first is face {flat[0]}", file=name
+        )
+
+
+def _require_sound_fields(
+    scalars: Mapping[str, np.ndarray], directions: Mapping[str, np.ndarray], name: str
+) -> None:
+    """Refuse fields with values that no forming result has.
+
+    Raises
+    ------
+    InputError : there is no field; a value that no formed textile has; a fibre direction whose
+        length is not one, or whose components are not all there.
+    """
+    if not scalars and not directions:
+        raise InputError("the forming result has no field on the faces of its mesh", file=name)
+    for key, (low, high) in PLAUSIBLE.items():
+        values = scalars.get(key, np.zeros(0))
+        outside = np.flatnonzero((values < low) | (values > high))
+        if len(outside):
+            value = values[outside[0]]
+            raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
+    for family in FIBRE_FAMILIES:
+        alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
+        if alone:
+            raise InputError(f"{family} has only the components {', '.join(alone)}", file=name)
+        length = np.linalg.norm(directions.get(family, np.zeros((0, 3))), axis=1)
+        wrong = np.flatnonzero(np.abs(length - 1.0) > 1e-6)
+        if len(wrong):
+            raise InputError(f"{family} of face {wrong[0]} is no unit vector", file=name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,23 +14,18 @@ import numpy as np
 from lcmchain.errors import InputError, first_few
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.vtu import without_middles
-from lcmchain.mapping.error_picture import draw_errors
-from lcmchain.mapping.files import mapped_dataset, write_vtu
+from lcmchain.mapping.fields import MappedFields, require_thickness, transfer_to_nodes, turned
+from lcmchain.mapping.files import file_groups, mapped_dataset, write_frames, write_vtu
 from lcmchain.mapping.formats import export_files, export_path, prepare_export
-from lcmchain.mapping.frame_files import write_frames
 from lcmchain.mapping.frames import mapped_frames
-from lcmchain.mapping.nodes import transfer_to_nodes
-from lcmchain.mapping.options import MappingOptions
-from lcmchain.mapping.picture import draw_mapping
+from lcmchain.mapping.picture import draw_errors, draw_mapping
 from lcmchain.mapping.registration import Registration, registered, registration_of
 from lcmchain.mapping.report import MappingReport, mapping_report
 from lcmchain.mapping.sheet import Sheet, frame_at, read_sheet
-from lcmchain.mapping.solid_file import file_groups
-from lcmchain.mapping.solids.fields import require_thickness
 from lcmchain.mapping.target import TargetMesh, read_target
-from lcmchain.mapping.transfer import MappedFields, transfer, turned
+from lcmchain.mapping.transfer import compute_weights, transfer
 from lcmchain.mapping.verify import Verification, verify
-from lcmchain.mapping.weights import MappingWeights, Status, compute_weights
+from lcmchain.mapping.weights import MappingWeights, Status
 from lcmchain.mesh_files.length_unit import length_unit_hint
 from lcmchain.results import require_complete
 
@@ -42,6 +37,58 @@ FLAGS = (
     "all-frames", "register", "nodes", "verify",
     "allow-unmapped", "allow-ambiguous", "allow-incomplete",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MappingOptions:
+    """How a forming result is mapped onto a mesh.
+
+    Parameters
+    ----------
+    kind : ``"infiltration"`` (surface cells) or ``"structure"`` (solids, else shells).
+    method : ``"overlap"`` or ``"closest"``.
+    order : 1 takes a field as constant within each face of the sheet, 2 as linear.
+    maximum_distance : how far [m] from the sheet a cell may lie, by default one edge length of
+        the sheet, or the radius of a typical cell where that is larger.
+    length_unit : unit of the target's coordinates; what is written is in metres.
+    frame : saved frame to map, counted from 0, or backwards from -1, the last one.
+    time : of the saved state [s], the nearest is taken; instead of ``frame``.
+    all_frames : carry the target along with the material and write every saved state, with the
+        weights of the one that is mapped.
+    register : map as if the target lay where a small rigid motion brings it to the sheet; what is
+        written keeps the target's own coordinates.
+    nodes : write values at the nodes of the target too.
+    verify : estimate the error that the mapping adds to every field; takes some ten times as long.
+    thickness_limit : largest relative difference of the thickness of a solid from the formed one.
+    allow_unmapped : write cells without a sheet nearby as not-a-number instead of failing.
+    allow_ambiguous : take the nearer of two layers of the sheet that lie about as near instead of
+        failing.
+    allow_incomplete : map the fields of a run that did not come to its end, with a warning,
+        instead of refusing them.
+    weights_file : ``.npz`` with stored weights: used where it exists, else written.
+    picture : draw source and target side by side.
+    exports : formats of other programs to write beside the mapped file, by their names in
+        :data:`lcmchain.mapping.formats.FORMATS`.
+    """
+
+    kind: str = "structure"
+    method: str = "overlap"
+    order: int = 2
+    maximum_distance: float | None = None
+    length_unit: str = "m"
+    frame: int = -1
+    time: float | None = None
+    all_frames: bool = False
+    register: bool = False
+    nodes: bool = False
+    verify: bool = False
+    thickness_limit: float = 0.1
+    allow_unmapped: bool = False
+    allow_ambiguous: bool = False
+    allow_incomplete: bool = False
+    weights_file: Path | str | None = None
+    picture: bool = True
+    exports: tuple[str, ...] = ()
 
 
 def map_forming(

@@ -1,57 +1,65 @@
-"""Transfer of face fields to target cells: averages for states, conservation for contents."""
+"""A sheet onto a target: the weights between the two, and all fields, of one ply or of several.
+
+The plies of a stack are mapped one by one onto the cells of a surface, and together onto solid
+cells, where they share the thickness. What they are together follows from what each of them is.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
-from lcmchain.mapping.averages import contents_of_cells, contents_of_faces, mean_over_cells
-from lcmchain.mapping.orientation import MappedDirections, map_directions
-from lcmchain.mapping.permeability import map_permeability
-from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
-from lcmchain.mapping.solids.fields import solid_scalars
+from lcmchain.errors import InputError
+from lcmchain.mapping.fields import MappedFields, carried
+from lcmchain.mapping.plies import EVEN, HEIGHT, SHARE, each_ply, leading_values, of_ply
+from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, PrincipalPermeability, Sheet
+from lcmchain.mapping.solids.weights import compute_solid_weights
+from lcmchain.mapping.surfaces.averages import MappedDirections, mean_over_cells, through_layers
+from lcmchain.mapping.surfaces.pairing import surface_weights
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.weights import MappingWeights
+from lcmchain.mapping.weights import MappingWeights, Status, mesh_key, present
 
-# Faces agree on the density of the fibres when they differ by no more than storing them does.
-ONE_DENSITY = 1e-4
+METHODS = ("overlap", "closest")
 
-# Fields that count something per area; its total over the covered area is kept.
-CONTENTS = ("areal_fibre_mass",)
-
-# What the error that the mapping adds to a field is called, after the name of the field.
-ERROR = "_mapping_error"
-
-# The permeability has one error, that of its tensor.
-PERMEABILITY = "permeability"
-
-# Angles between axes, counted about the normal: seen from the other side they change their sign.
-ABOUT_NORMAL = frozenset({"shear_angle", "shear_angle_23", "shear_angle_31"})
+# Highest order of the fields within a face: 1 takes them as constant, 2 as linear.
+ORDERS = (1, 2)
 
 
-@dataclass(frozen=True)
-class MappedFields:
-    """Fields on the target: scalars (C,), directions (C, 3); not a number where unmapped.
+def compute_weights(
+    sheet: Sheet,
+    target: TargetMesh,
+    *,
+    method: str = "overlap",
+    order: int = 2,
+    maximum_distance: float | None = None,
+) -> MappingWeights:
+    """Compute the weights that carry face fields of a sheet to the cells of a target.
 
-    axes : principal axes (C, 3), which are unit vectors without a sense.
-    about_sheet : whether signed angles are about the normal of the sheet, as in solid cells, rather
-        than about that of the cell.
-    errors : that the mapping adds to fields, by their names, shape (C,); where it was verified.
-    at_nodes : the same fields at the nodes (N,) of the target, where that was asked for.
+    Parameters
+    ----------
+    method : ``"overlap"`` averages over the part of the sheet that lies over the cell, measured
+        on the cell's tangent plane; ``"closest"`` takes the place closest to the cell's centroid.
+    order : 1 takes a field as constant within each face, 2 as linear.
+    maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
+        the sheet, or the radius of a typical cell where that is larger.
+
+    Raises
+    ------
+    InputError : unknown method or order, or a distance that is not positive.
     """
-
-    scalars: dict[str, np.ndarray]
-    directions: dict[str, MappedDirections]
-    axes: dict[str, np.ndarray] = field(default_factory=dict)
-    about_sheet: bool = False
-    errors: dict[str, np.ndarray] = field(default_factory=dict)
-    at_nodes: MappedFields | None = None
-
-    @property
-    def vectors(self) -> dict[str, np.ndarray]:
-        """Every vector field (C, 3) by name."""
-        return {name: found.direction for name, found in self.directions.items()} | self.axes
+    if method not in METHODS:
+        raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
+    if order not in ORDERS:
+        raise InputError(f"the order of a mapping is 1 or 2, not {order}")
+    if target.is_solid and method == "overlap":
+        return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
+    plies = each_ply(sheet) if sheet.is_stack else [sheet]
+    each = [
+        surface_weights(ply, target, method=method, order=order, maximum_distance=maximum_distance)
+        for ply in plies
+    ]
+    return _joined(sheet, plies, each) if sheet.is_stack else each[0]
 
 
 def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
@@ -60,169 +68,245 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
     The fibre volume fraction is that of the mapped fibre mass in the mapped thickness.
     """
     if sheet.is_stack:
-        from lcmchain.mapping.plies import transfer_plies
-
-        return transfer_plies(sheet, target, weights)
-    return carried(sheet, weights, None if target.is_solid else target.surface.normals)
+        return _of_stack(sheet, target, weights)
+    return carried(sheet, weights, _normals(target))
 
 
-def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
-    """Carry every field of one ply to the cells, or to the nodes, that weights are for.
+def _normals(target: TargetMesh) -> np.ndarray | None:
+    """Unit normals of the cells (C, 3); None of solids."""
+    return None if target.is_solid else target.surface.normals
 
-    normals : unit normals of the cells (C, 3); None for solids, which have none.
+
+# --- weights of plies -----------------------------------------------------------------------------
+
+
+def _joined(sheet: Sheet, plies: list[Sheet], each: list[MappingWeights]) -> MappingWeights:
+    """Join the weights of plies that were mapped one by one, as onto a surface.
+
+    A ply's share in the average of a cell is that of its thickness.
+
+    each : weights of each ply.
     """
-    scalars = {
-        name: (
-            transfer_content(sheet, weights, values)
-            if name in CONTENTS and weights.conservative
-            else transfer_average(sheet, weights, values)
+    coverage = np.stack([weights.coverage for weights in each])
+    mapped = np.stack([weights.mapped for weights in each])
+    thickness = np.stack([_thickness(ply, weights) for ply, weights in zip(plies, each)])
+    share = np.where(mapped, thickness * present(coverage), 0.0)
+    share = share / np.where(share.sum(axis=0) > 0.0, share.sum(axis=0), 1.0)
+    faces = [np.flatnonzero(sheet.plies == number) for number in range(len(plies))]
+    cell = np.concatenate([weights.cell for weights in each])
+    face = np.concatenate([own[weights.face] for own, weights in zip(faces, each)])
+    average = [part[weights.cell] * weights.average for part, weights in zip(share, each)]
+    content = [weights.content for weights in each]
+    place = [weights.place for weights in each]
+    order = np.lexsort((face, cell))
+    face_coverage = np.zeros(sheet.surface.face_count)
+    for own, weights in zip(faces, each):
+        face_coverage[own] = weights.face_coverage
+    status = np.stack([weights.status for weights in each])
+    undecided = (status == Status.AMBIGUOUS).any(axis=0)
+    distance = np.where(mapped, np.stack([weights.distance for weights in each]), np.inf)
+    nearest = distance.min(axis=0)
+    return replace(
+        each[0],
+        cell=cell[order],
+        face=face[order],
+        average=np.concatenate(average)[order],
+        content=np.concatenate(content)[order],
+        place=np.concatenate(place)[order],
+        status=np.where(undecided, Status.AMBIGUOUS, status.min(axis=0)).astype(np.int8),
+        coverage=coverage.max(axis=0),
+        distance=np.where(np.isfinite(nearest), nearest, np.nan),
+        face_coverage=face_coverage,
+        wedge_correction=max(weights.wedge_correction for weights in each),
+        moved=max(weights.moved for weights in each),
+        maximum_distance=max(weights.maximum_distance for weights in each),
+        source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
+        ply_coverage=coverage,
+    )
+
+
+def _weights_of(
+    sheet: Sheet, weights: MappingWeights, number: int, shares: np.ndarray
+) -> MappingWeights:
+    """Weights of one ply, as if it were alone."""
+    faces = np.flatnonzero(sheet.plies == number)
+    local = np.full(sheet.surface.face_count, -1, dtype=np.int64)
+    local[faces] = np.arange(len(faces))
+    chosen = sheet.plies[weights.face] == number
+    cell = weights.cell[chosen]
+    # faces that lie too far off to be mapped have no share, though they are listed
+    held = (np.bincount(cell, minlength=weights.cell_count) > 0) & (shares[number] > 0.0)
+    share = np.where(held, shares[number], 1.0)
+    own = replace(
+        weights,
+        cell=cell,
+        face=local[weights.face[chosen]],
+        average=weights.average[chosen] / share[cell],
+        content=weights.content[chosen],
+        place=weights.place[chosen],
+        status=np.where(held, weights.status, Status.UNMAPPED).astype(np.int8),
+        coverage=weights.ply_coverage[number],
+        distance=np.where(held, weights.distance, np.nan),
+        face_coverage=weights.face_coverage[faces],
+        ply_coverage=np.zeros((0, 0)),
+    )
+    if not len(weights.solid_thickness):
+        return own
+    # of the solid the ply has its share of the volume, and its part of the thickness
+    ply, parts = of_ply(sheet, number), present(weights.ply_coverage)[number]
+    part = _thickness(ply, own) * parts / weights.formed_thickness
+    solid = np.where(held, weights.solid_thickness * part, np.nan)
+    volume = weights.cell_area * weights.solid_thickness * share
+    return replace(own, solid_thickness=solid, cell_area=volume / np.where(held, solid, 1.0))
+
+
+def _shares(sheet: Sheet, weights: MappingWeights) -> np.ndarray:
+    """Share of each cell that every ply has, shape (P, C)."""
+    count = len(sheet.ply_names)
+    key = sheet.plies[weights.face] * weights.cell_count + weights.cell
+    shares = np.bincount(key, weights=weights.average, minlength=count * weights.cell_count)
+    return shares.reshape(count, weights.cell_count)
+
+
+def _thickness(ply: Sheet, weights: MappingWeights) -> np.ndarray:
+    """Mean thickness of a ply over each cell [m], or one where it is not known, shape (C,)."""
+    if "thickness" not in ply.scalars:
+        return np.ones(weights.cell_count)
+    return np.nan_to_num(mean_over_cells(ply.surface, weights, ply.scalars["thickness"]))
+
+
+# --- fields of plies ------------------------------------------------------------------------------
+
+
+def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappedFields:
+    """Carry the fields of several plies to the target.
+
+    Every field of a ply has the ply's name before its own, and so have all of its values: a cell
+    without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
+    volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
+    from a shell along its normal, which tells the order of the plies there. Thickness, areal mass
+    and fibre volume fraction without a name are those of all plies, and the permeability is that
+    of the layers that they make; any other field without a name is that of the ply with the
+    largest share, of several the first.
+    """
+    names = sheet.ply_names
+    shares = _shares(sheet, weights)
+    plies = each_ply(sheet)
+    own = [_weights_of(sheet, weights, number, shares) for number in range(len(names))]
+    each = [carried(ply, ply_weights, _normals(target)) for ply, ply_weights in zip(plies, own)]
+    leading = np.argmax(shares >= shares.max(axis=0) - EVEN, axis=0)
+    scalars = leading_values([mapped.scalars for mapped in each], leading)
+    scalars |= _totals(weights, own, each, shares)
+    axes = leading_values([mapped.axes for mapped in each], leading)
+    directions = _leading_directions([mapped.directions for mapped in each], leading)
+    if sheet.permeability is not None:
+        found = _permeability(
+            [(mapped.scalars, mapped.axes) for mapped in each],
+            np.where(weights.mapped, shares, 0.0),
+            axes[PERMEABILITY_AXES[2]] if target.is_solid else target.surface.normals,
         )
-        for name, values in sheet.scalars.items()
+        scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
+        axes |= {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
+    for name, mapped, share in zip(names, each, shares):
+        scalars |= {f"{name}_{key}": values for key, values in mapped.scalars.items()}
+        axes |= {f"{name}_{key}": values for key, values in mapped.axes.items()}
+        directions |= {f"{name}_{key}": found for key, found in mapped.directions.items()}
+        scalars[f"{SHARE}{name}"] = np.where(weights.mapped, share, np.nan)
+    if not target.is_solid:
+        for name, ply, ply_weights in zip(names, plies, own):
+            scalars[f"{HEIGHT}{name}"] = _heights(ply, target, ply_weights)
+    return replace(each[0], scalars=scalars, directions=directions, axes=axes)
+
+
+def _heights(ply: Sheet, target: TargetMesh, weights: MappingWeights) -> np.ndarray:
+    """Distance of a ply's mid-surface from each cell along the normal of the cell [m], (C,)."""
+    places = [mean_over_cells(ply.surface, weights, x) for x in ply.surface.centroids.T]
+    away = np.stack(places, axis=1) - target.surface.centroids
+    return np.einsum("ci,ci->c", away, target.surface.normals)
+
+
+def _totals(
+    weights: MappingWeights,
+    own: list[MappingWeights],
+    each: list[MappedFields],
+    shares: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Thickness, areal mass and fibre volume fraction of all plies together, each (C,)."""
+    parts = present(weights.ply_coverage)
+
+    def summed(values: list[np.ndarray]) -> np.ndarray:
+        total = np.zeros(weights.cell_count)
+        for part, ply_weights, found in zip(parts, own, values):
+            total += np.where(ply_weights.mapped, part * found, 0.0)
+        return np.where(weights.mapped, total, np.nan)
+
+    common = set.intersection(*(set(mapped.scalars) for mapped in each))
+    names = {"thickness", "areal_fibre_mass", "fibre_volume_fraction"} & common
+    totals = {
+        name: summed([mapped.scalars[name] for mapped in each])
+        for name in sorted(names - {"fibre_volume_fraction"})
     }
     if len(weights.solid_thickness):
-        scalars |= solid_scalars(sheet, weights, scalars, fibre_density(sheet))
-    else:
-        scalars |= _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
-    if normals is not None:
-        for name in ABOUT_NORMAL & scalars.keys():
-            scalars[name] = facing(sheet, weights, normals) * scalars[name]
-    directions = {
-        name: map_directions(
-            sheet.surface, weights, values, normals if lies_in(sheet, values) else None
-        )
-        for name, values in sheet.directions.items()
-    }
-    axes = {}
-    if sheet.permeability is not None:
-        found = map_permeability(sheet.surface, weights, sheet.permeability, normals)
-        scalars |= dict(zip(PERMEABILITIES, found.values.T.copy(), strict=True))
-        axes = {name: found.axes[:, row].copy() for row, name in enumerate(PERMEABILITY_AXES)}
-    return MappedFields(scalars, directions, axes, about_sheet=normals is None)
+        return totals | _totals_of_solids(weights, own, each, shares, names)
+    if {"thickness", "fibre_volume_fraction"} <= names:
+        volume = summed([m.scalars["thickness"] * m.scalars["fibre_volume_fraction"] for m in each])
+        totals["fibre_volume_fraction"] = volume / totals["thickness"]
+    return totals
 
 
-def facing(sheet: Sheet, weights: MappingWeights, normals: np.ndarray) -> np.ndarray:
-    """Whether cells show the upper side of the sheet (1.0) or the lower one (-1.0), shape (C,).
-
-    normals : unit normals of the cells, shape (C, 3).
-    """
-    of_sheet = weights.average_matrix @ sheet.surface.normals
-    return np.where(np.einsum("ci,ci->c", of_sheet, normals) < 0.0, -1.0, 1.0)
-
-
-def turned(mapped: MappedFields, rotation: np.ndarray) -> MappedFields:
-    """Turn directions and axes by a rotation matrix, shape (3, 3)."""
-    return replace(
-        mapped,
-        directions={
-            name: found._replace(direction=found.direction @ rotation.T)
-            for name, found in mapped.directions.items()
-        },
-        axes={name: vectors @ rotation.T for name, vectors in mapped.axes.items()},
-        at_nodes=None if mapped.at_nodes is None else turned(mapped.at_nodes, rotation),
-    )
-
-
-def fibre_mass(weights: MappingWeights, mapped: MappedFields) -> np.ndarray | None:
-    """Fibre mass of each cell [kg], shape (C,); None where the mapping does not keep it."""
-    if "areal_fibre_mass" not in mapped.scalars or not weights.conservative:
-        return None
-    return mapped.scalars["areal_fibre_mass"] * content_areas(weights)
-
-
-def with_fibre_mass(
-    sheet: Sheet, weights: MappingWeights, mapped: MappedFields, mass: np.ndarray
-) -> MappedFields:
-    """Give cells a fibre mass [kg], shape (C,), and the volume fraction that follows from it."""
-    areas = content_areas(weights)
-    there = areas > 0.0
-    areal = mapped.scalars["areal_fibre_mass"].copy()
-    areal[there] = mass[there] / areas[there]
-    scalars = {**mapped.scalars, "areal_fibre_mass": areal}
-    fraction = _fibre_volume_fraction(sheet, scalars, weights.solid_thickness)
-    return replace(mapped, scalars=scalars | fraction)
-
-
-def _fibre_volume_fraction(
-    sheet: Sheet, scalars: dict[str, np.ndarray], solid_thickness: np.ndarray
+def _totals_of_solids(
+    weights: MappingWeights,
+    own: list[MappingWeights],
+    each: list[MappedFields],
+    shares: np.ndarray,
+    names: set[str],
 ) -> dict[str, np.ndarray]:
-    """Volume fraction of the mapped fibre mass in the thickness, if the density is known.
-
-    solid_thickness : of solid cells themselves [m], shape (C,); empty for surfaces, which have the
-        mapped one.
-    """
-    density = fibre_density(sheet)
-    if density is None:
-        return {}
-    thickness = solid_thickness if len(solid_thickness) else scalars["thickness"]
-    fraction = scalars["areal_fibre_mass"] / (density * thickness)
-    return {"fibre_volume_fraction": fraction}
-
-
-def fibre_density(sheet: Sheet) -> float | None:
-    """Density of the fibres [kg/m3], as mass, thickness and fibre volume fraction of faces tell it.
-
-    None where one of these fields is absent, or the faces do not agree, as for several textiles.
-    """
-    if not {"areal_fibre_mass", "thickness", "fibre_volume_fraction"} <= sheet.scalars.keys():
-        return None
-    mass, thickness, fraction = (
-        sheet.scalars[name] for name in ("areal_fibre_mass", "thickness", "fibre_volume_fraction")
-    )
-    volume = thickness * fraction
-    told = np.flatnonzero((volume > 0.0) & (mass > 0.0))
-    if len(told) == 0 or np.any((volume > 0.0) != (mass > 0.0)):
-        return None
-    densities = mass[told] / volume[told]
-    density = float(np.median(densities))
-    return density if np.all(np.abs(densities / density - 1.0) < ONE_DENSITY) else None
+    """Totals of solid cells: of masses by the cell's area, of fibre volumes by its volume."""
+    solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
+    found = {"solid_thickness": solid} if "thickness" in names else {}
+    if "thickness" in names:
+        found["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
+        found["thickness_difference"] = solid / found["thickness"] - 1.0
+    held = np.stack([ply_weights.mapped for ply_weights in own])
+    areas = np.stack([ply_weights.cell_area for ply_weights in own]) / weights.cell_area
+    for name, part in (("areal_fibre_mass", areas), ("fibre_volume_fraction", shares)):
+        if name in names:
+            values = np.stack([mapped.scalars[name] for mapped in each])
+            total = np.where(held, part * values, 0.0).sum(axis=0)
+            found[name] = np.where(weights.mapped, total, np.nan)
+    return found
 
 
-def lies_in(sheet: Sheet, directions: np.ndarray) -> bool:
-    """Whether a family runs along the sheet, as fibres do, rather than through its thickness."""
-    out_of_plane = np.einsum("fi,fi->f", directions, sheet.surface.normals)
-    return bool(np.median(np.abs(out_of_plane)) < np.sqrt(0.5))
+def _leading_directions(
+    each: list[dict[str, MappedDirections]], leading: np.ndarray
+) -> dict[str, MappedDirections]:
+    parts = [
+        leading_values(
+            [{name: found[k] for name, found in fields.items()} for fields in each], leading
+        )
+        for k in range(len(MappedDirections._fields))
+    ]
+    return {name: MappedDirections(*(part[name] for part in parts)) for name in parts[0]}
 
 
-def transfer_average(sheet: Sheet, weights: MappingWeights, values: np.ndarray) -> np.ndarray:
-    """Mean of a face field, shape (F,), over the part of the sheet over each cell, shape (C,)."""
-    return mean_over_cells(sheet.surface, weights, values)
-
-
-def transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
-    """Content per area of a cell's covered part, such that the total content is kept.
-
-    The sum over cells of value times covered area equals the content of the covered part of the
-    sheet. Cells beyond its edge take the value of the closest face and add nothing.
-    """
-    content = contents_of_cells(sheet.surface, weights, per_area)
-    covered_area = covered_areas(weights)
-    nearest = transfer_average(sheet, weights, per_area)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(covered_area > 0.0, content / covered_area, nearest)
-
-
-def content_areas(weights: MappingWeights) -> np.ndarray:
-    """Area of each cell that its areal mass belongs to [m2], shape (C,).
-
-    Of a surface it is what the sheet covers; a solid that the sheet covers in part has its mass
-    spread over all of its volume.
-    """
-    return weights.cell_area if len(weights.solid_thickness) else covered_areas(weights)
-
-
-def covered_areas(weights: MappingWeights) -> np.ndarray:
-    """Area of each cell that the sheet covers [m2], shape (C,)."""
-    return np.minimum(weights.coverage, 1.0) * weights.cell_area
-
-
-def content_of_cells(weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content of all cells."""
-    covered = content_areas(weights)
-    return float(np.nansum(np.where(covered > 0.0, per_area * covered, 0.0)))
-
-
-def content_of_sheet(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> float:
-    """Content of the covered part of the sheet."""
-    if not weights.conservative:
-        return float(np.sum(per_area * sheet.surface.areas * weights.face_coverage))
-    return float(contents_of_faces(sheet.surface, weights, per_area).sum())
+def _permeability(
+    each: list[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]],
+    shares: np.ndarray,
+    normals: np.ndarray,
+) -> PrincipalPermeability:
+    """Return the permeability of all plies together, from the values and axes of each."""
+    count = len(normals)
+    layers = []
+    for scalars, axes in each:
+        if PERMEABILITIES[0] not in scalars:
+            layers.append(
+                PrincipalPermeability(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
+            )
+            continue
+        layers.append(
+            PrincipalPermeability(
+                np.stack([scalars[name] for name in PERMEABILITIES], axis=1),
+                np.stack([axes[name] for name in PERMEABILITY_AXES], axis=1),
+            )
+        )
+    return through_layers(shares, layers, normals)

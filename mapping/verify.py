@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from lcmchain.mapping.orientation import MappedDirections
-from lcmchain.mapping.refinement import as_target, refined_sheet, refined_target
+from lcmchain.mapping.fields import ERROR, PERMEABILITY, MappedFields, covered_areas
 from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, PrincipalPermeability, Sheet
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.averages import (
+    MappedDirections,
+    angles_between,
+    packed,
+    pointing_along,
+    principal_permeability,
+    squares,
+    tensors_of,
+    unpacked,
+)
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.tensors import angles_between, squares, tensors_of
-from lcmchain.mapping.transfer import ERROR, PERMEABILITY, MappedFields, covered_areas, transfer
+from lcmchain.mapping.transfer import transfer
 from lcmchain.mapping.weights import COVERED, MappingWeights
 
 #: Computes weights with the options of the mapping that is verified.
@@ -63,7 +72,7 @@ def verify(
     """Estimate the error that the mapping adds to every field, in every cell.
 
     Sheet and target are refined: each face and each cell becomes four in its own facet, and the
-    faces' values a quadratic through those around (:mod:`lcmchain.mapping.reconstruction`). The
+    faces' values a quadratic through those around (:mod:`lcmchain.mapping.verify`). The
     same method maps between these, and what its means over the cells differ by from the mapped
     values is the estimate. It sees what the finite size of faces and cells costs; it holds as far
     as the fields are smooth over a few faces, and knows nothing of the error of the fields
@@ -227,3 +236,218 @@ def _given(sheet: Sheet, face: np.ndarray) -> MappedFields:
         for name, vectors in sheet.directions.items()
     }
     return MappedFields(scalars, directions, axes)
+
+
+# --- twice finer meshes: every triangle and quadrilateral becomes four ----------------------------
+
+
+def refined_surface(surface: Surface) -> tuple[Surface, np.ndarray]:
+    """Return the surface with every face cut into four, and the face of each part, shape (4 F,).
+
+    The parts lie in the facet of their face: nothing but its size changes. Parts 4 f to 4 f + 3
+    are those of face f.
+    """
+    points, faces = _refined(surface.points, surface.faces, surface.is_quadrilateral)
+    return Surface(points, faces), np.repeat(np.arange(surface.face_count), 4)
+
+
+def refined_sheet(sheet: Sheet) -> Sheet:
+    """Return the sheet with every face cut into four, and smooth fields between its faces.
+
+    Directions and permeabilities are continued as tensors, which have no sense and no order.
+    """
+    surface, parent = refined_surface(sheet.surface)
+    names = list(sheet.scalars)
+    families = list(sheet.directions)
+    columns = [sheet.scalars[name][:, None] for name in names]
+    columns += [packed(squares(sheet.directions[family])) for family in families]
+    permeability = sheet.permeability
+    if permeability is not None and not np.isfinite(permeability.values).all():
+        permeability = None
+    if permeability is not None:
+        columns.append(packed(tensors_of(permeability.values, permeability.axes)))
+    if not columns:
+        return replace(sheet, surface=surface)
+    found = means_of_parts(sheet.surface, surface, parent, np.concatenate(columns, axis=1))
+    scalars = {name: found[:, column].copy() for column, name in enumerate(names)}
+    directions = {}
+    for number, family in enumerate(families):
+        first = len(names) + 6 * number
+        axis = np.linalg.eigh(unpacked(found[:, first : first + 6]))[1][:, :, 2]
+        directions[family] = pointing_along(axis, sheet.directions[family][parent])
+    if permeability is not None:
+        permeability = principal_permeability(unpacked(found[:, -6:]), surface.normals)
+    return replace(
+        sheet, surface=surface, scalars=scalars, directions=directions, permeability=permeability
+    )
+
+
+def refined_target(target: TargetMesh) -> tuple[TargetMesh, np.ndarray]:
+    """Return a shell target with every cell cut into four, and the cell of each part, (4 C,).
+
+    Solids stay as they are: their cells are their own parts.
+    """
+    if target.is_solid:
+        return target, np.arange(target.cell_count)
+    surface, parent = refined_surface(target.surface)
+    refined, part = as_target(surface)
+    return refined, parent[part]
+
+
+def as_target(surface: Surface) -> tuple[TargetMesh, np.ndarray]:
+    """Return a surface as a shell target, and the face that each of its cells is, shape (F,)."""
+    quadrilateral = surface.is_quadrilateral
+    blocks, order = [], []
+    for name, count, chosen in (("quad", 4, quadrilateral), ("triangle", 3, ~quadrilateral)):
+        numbers = np.flatnonzero(chosen)
+        if len(numbers):
+            blocks.append((name, surface.faces[numbers, :count]))
+            order.append(numbers)
+    return TargetMesh(surface.points, tuple(blocks), {}), np.concatenate(order)
+
+
+def _refined(
+    points: np.ndarray, faces: np.ndarray, is_quadrilateral: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points and faces (4 F, 4) with a new node amid every edge and every quadrilateral."""
+    closed = np.where(is_quadrilateral[:, None], faces, faces[:, [0, 1, 2, 2]])
+    ends = np.stack([closed, np.roll(closed, -1, axis=1)], axis=2)
+    # The last edge of a triangle runs from its third node to the first, as that of its copy does.
+    ends[~is_quadrilateral, 2] = ends[~is_quadrilateral, 3]
+    edges, edge = np.unique(np.sort(ends, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
+    middle = len(points) + edge.reshape(-1, 4)
+    centre = len(points) + len(edges) + np.cumsum(is_quadrilateral) - 1
+    all_points = np.concatenate(
+        [points, points[edges].mean(axis=1), points[faces[is_quadrilateral]].mean(axis=1)]
+    )
+    a, b, c, d = closed.T
+    ab, bc, cd, da = middle.T
+    none = np.full(len(faces), -1)
+    quads = [(a, ab, centre, da), (ab, b, bc, centre), (centre, bc, c, cd), (da, centre, cd, d)]
+    triangles = [(a, ab, da, none), (ab, b, bc, none), (da, bc, c, none), (ab, bc, da, none)]
+    parts = [
+        np.where(is_quadrilateral[:, None], np.stack(quad, axis=1), np.stack(triangle, axis=1))
+        for quad, triangle in zip(quads, triangles, strict=True)
+    ]
+    return all_points, np.stack(parts, axis=1).reshape(-1, 4)
+
+
+# --- means over the parts of faces, from quadratics through those of the faces around -------------
+
+# A quadratic has five coefficients beside the mean: with fewer faces around, those around these
+# are taken too, as at the edge of the sheet.
+ENOUGH = 7
+
+# Relative size of what keeps the least squares regular where the faces around lie in one row.
+_REGULAR = 1e-10
+
+
+def means_of_parts(
+    surface: Surface, parts: Surface, parent: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Means over the parts of faces, shape (P, K), of K fields with means (F, K) over the faces.
+
+    In every face a quadratic with the face's own mean is fitted to the means of the faces around,
+    by least squares weighted with the inverse square of the distance; distances along the sheet
+    are those between centroids. The error is of third order in the size of the faces where the
+    field is smooth. Means of the parts have the mean of their face.
+
+    Parameters
+    ----------
+    parts : the refined surface. parent : face of each part, shape (P,).
+
+    Source: Barth and Frederickson, AIAA paper 90-0013 (1990), k-exact reconstruction.
+    """
+    moment = _moments(surface)
+    coefficients = _fitted(surface, moment, values)
+    offset = parts.centroids - surface.centroids[parent]
+    rows, _ = _rows(offset, _moments(parts) - moment[parent], surface.frames[parent])
+    found = values[parent] + np.einsum("pk,pkn->pn", rows, coefficients[parent])
+    # What rounding and warped faces leave of the mean is taken from all parts alike.
+    area = np.bincount(parent, weights=parts.areas, minlength=surface.face_count)
+    share = (parts.areas / area[parent])[:, None]
+    mean = np.zeros_like(values)
+    np.add.at(mean, parent, share * found)
+    return found - (mean - values)[parent]
+
+
+def _fitted(surface: Surface, moment: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Coefficients of the quadratics, shape (F, 5, K)."""
+    face, other = _faces_around(surface)
+    offset = surface.centroids[other] - surface.centroids[face]
+    rows, distance = _rows(offset, moment[other] - moment[face], surface.frames[face])
+    length = surface.edge_length
+    scales = length ** np.array([1, 1, 2, 2, 2])
+    rows /= scales
+    weight = (length / distance) ** 2
+    pair = np.arange(len(face))
+    shape = (surface.face_count, len(face))
+    of_face = csr_array((np.ones(len(face)), (face, pair)), shape=shape)
+    squares = np.einsum("pi,pj,p->pij", rows, rows, weight)
+    matrix = (of_face @ squares.reshape(-1, 25)).reshape(-1, 5, 5)
+    trace = np.trace(matrix, axis1=1, axis2=2)
+    # A face without others around keeps its mean everywhere.
+    matrix += np.where(trace > 0.0, _REGULAR * trace, 1.0)[:, None, None] * np.eye(5)
+    products = np.einsum("pi,pn,p->pin", rows, values[other] - values[face], weight)
+    right = (of_face @ products.reshape(len(face), 5 * values.shape[1])).reshape(
+        -1, 5, values.shape[1]
+    )
+    return np.linalg.solve(matrix, right) / scales[:, None]
+
+
+def _rows(
+    offset: np.ndarray, moment: np.ndarray, frame: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Means of x, y, x²/2, x y and y²/2 over faces, less those over the face at 0; distances.
+
+    Parameters
+    ----------
+    offset : from the centroid of the face at 0 [m], shape (K, 3); its length is along the sheet.
+    moment : less that of the face at 0 [m2], shape (K, 3, 3). frame : its tangents, (K, 2, 3).
+    """
+    flat = np.einsum("kai,ki->ka", frame, offset)
+    distance, seen = np.linalg.norm(offset, axis=1), np.linalg.norm(flat, axis=1)
+    x, y = (flat * (distance / np.where(seen > 0.0, seen, 1.0))[:, None]).T
+    more = np.einsum("kai,kij,kbj->kab", frame, moment, frame)
+    columns = [x, y, 0.5 * (x * x + more[:, 0, 0]), x * y + more[:, 0, 1],
+               0.5 * (y * y + more[:, 1, 1])]  # fmt: skip
+    return np.stack(columns, axis=1), distance
+
+
+def _faces_around(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of a face and another that shares a node with it (or with one that does), by face."""
+    there = surface.faces >= 0
+    face = np.repeat(np.arange(surface.face_count), there.sum(axis=1))
+    place = surface.places[surface.faces[there]]  # nodes may be repeated face by face
+    shape = (surface.face_count, len(surface.points))
+    touches = csr_array((np.ones(len(face)), (face, place)), shape=shape)
+    near = csr_array(touches @ touches.T)
+    counts = np.diff(near.indptr) - 1
+    few = counts < ENOUGH
+    if few.any():
+        wider = csr_array((near[few] @ near).tocoo())
+        row = np.flatnonzero(few)[np.repeat(np.arange(few.sum()), np.diff(wider.indptr))]
+        plain = near.tocoo()
+        keep = ~few[plain.row]
+        face = np.concatenate([plain.row[keep], row])
+        other = np.concatenate([plain.col[keep], wider.indices])
+    else:
+        plain = near.tocoo()
+        face, other = plain.row, plain.col
+    apart = face != other
+    face, other = face[apart], other[apart]
+    order = np.lexsort((other, face))
+    return face[order].astype(np.int64), other[order].astype(np.int64)
+
+
+def _moments(surface: Surface) -> np.ndarray:
+    """Mean of d d over each face [m2], d from its centroid, shape (F, 3, 3)."""
+    corners, face = surface.triangle_corners, surface.triangle_face
+    middle = corners.mean(axis=1)
+    offset = corners - middle[:, None]
+    area = np.linalg.norm(surface.triangle_area_vectors, axis=1)
+    share = area / np.bincount(face, area, minlength=surface.face_count)[face]
+    apart = middle - surface.centroids[face]
+    squares = np.einsum("tci,tcj->tij", offset, offset) / 12.0
+    squares += np.einsum("ti,tj->tij", apart, apart)
+    return np.add.reduceat(share[:, None, None] * squares, surface.first_triangle[:-1], axis=0)

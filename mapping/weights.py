@@ -15,16 +15,21 @@ from scipy.sparse import csr_array
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.pairing import COVERED, TILED, Pairing, by_closest, by_overlap
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.target import TargetMesh
 
-METHODS = ("overlap", "closest")
-
-# Highest order of the fields within a face: 1 takes them as constant, 2 as linear.
-ORDERS = (1, 2)
-
 FORMAT = 3
+
+# A cell counts as covered from this share on: tangent planes and facets of two meshes of the same
+# curved surface disagree by about (cell size / radius of curvature)^2.
+COVERED = 0.99
+
+# A face is tiled by the cells over it if their shares leave no more than rounding.
+TILED = 1e-9
+
+#: A ply that covers this share of what the others cover is there as a whole: the outlines of two
+#: meshes of one curved shape differ by about as much.
+WHOLE = 0.99
 
 
 class Status(IntEnum):
@@ -58,7 +63,7 @@ class MappingWeights:
     wedge_correction : largest relative change of ``content`` that made it sum to the covered
         share of a face; rounding, unless the target bends more sharply than the sheet.
     moved : share of the whole content that was moved between neighbouring cells, so that each holds
-        what the sheet has over its area (:mod:`lcmchain.mapping.sharing`).
+        what the sheet has over its area (:mod:`lcmchain.mapping.surfaces.pairing`).
     order : 1 carries means of faces, 2 what varies linearly within them.
     solid_thickness, formed_thickness : of the target itself and of the textile, all plies, at each
         solid cell [m], shape (C,); empty for surfaces.
@@ -187,89 +192,19 @@ def default_maximum_distance(sheet: Sheet, target: TargetMesh) -> float:
     return edge_length if larger_than_sheet else max(edge_length, radius)
 
 
-def compute_weights(
-    sheet: Sheet,
-    target: TargetMesh,
-    *,
-    method: str = "overlap",
-    order: int = 2,
-    maximum_distance: float | None = None,
-) -> MappingWeights:
-    """Compute the weights that carry face fields of a sheet to the cells of a target.
-
-    Parameters
-    ----------
-    method : ``"overlap"`` averages over the part of the sheet that lies over the cell, measured
-        on the cell's tangent plane; ``"closest"`` takes the place closest to the cell's centroid.
-    order : 1 takes a field as constant within each face, 2 as linear.
-    maximum_distance : how far [m] from the sheet a cell may lie; by default one edge length of
-        the sheet, or the radius of a typical cell where that is larger.
-
-    Raises
-    ------
-    InputError : unknown method or order, or a distance that is not positive.
-    """
-    if method not in METHODS:
-        raise InputError(f'"{method}" is no mapping method; write one of {", ".join(METHODS)}')
-    if order not in ORDERS:
-        raise InputError(f"the order of a mapping is 1 or 2, not {order}")
-    if target.is_solid and method == "overlap":
-        from lcmchain.mapping.solids.weights import compute_solid_weights
-
-        return compute_solid_weights(sheet, target, order=order, maximum_distance=maximum_distance)
-    if sheet.is_stack:
-        from lcmchain.mapping.plies import weights_of_plies
-
-        def compute(ply: Sheet) -> MappingWeights:
-            return compute_weights(
-                ply, target, method=method, order=order, maximum_distance=maximum_distance
-            )
-
-        return weights_of_plies(sheet, compute)
-    if maximum_distance is None:
-        maximum_distance = default_maximum_distance(sheet, target)
-    if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
-        raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
-    pair = by_overlap if method == "overlap" else by_closest
-    found = pair(sheet.surface, target, float(maximum_distance))
-    return MappingWeights(
-        cell=found.cell,
-        face=found.face,
-        average=found.average,
-        content=found.content,
-        place=found.place,
-        status=_status(sheet, found),
-        coverage=found.coverage,
-        distance=found.distance,
-        cell_area=found.cell_area,
-        face_coverage=found.face_coverage,
-        missed=found.missed,
-        wedge_correction=found.wedge_correction,
-        moved=found.moved,
-        method=method,
-        order=order,
-        maximum_distance=float(maximum_distance),
-        conservative=method == "overlap" and not target.is_solid,
-        source_key=mesh_key(sheet.surface.points, sheet.surface.faces),
-        target_key=mesh_key(target.points, target.corners),
-    )
-
-
-def _status(sheet: Sheet, found: Pairing) -> np.ndarray:
-    """Status of each cell, shape (C,)."""
-    mapped = np.zeros(len(found.coverage), dtype=bool)
-    mapped[found.cell] = True
-    status = np.where(mapped, Status.EXTRAPOLATED, Status.UNMAPPED).astype(np.int8)
-    covered = mapped & (found.coverage >= COVERED)
-    status[covered] = Status.PROJECTED
-    within = found.distance <= half_thickness(sheet)[found.nearest_face]
-    status[covered & within] = Status.INSIDE
-    status[mapped & found.ambiguous] = Status.AMBIGUOUS
-    return status
-
-
 def half_thickness(sheet: Sheet) -> np.ndarray:
     """Distance from the mid-surface within which a point lies in the sheet [m], shape (F,)."""
     if "thickness" in sheet.scalars:
         return 0.5 * sheet.scalars["thickness"]
     return np.full(sheet.surface.face_count, 0.1 * sheet.surface.edge_length)
+
+
+def present(coverage: np.ndarray) -> np.ndarray:
+    """Which part of what covers each cell every ply covers, shape (P, C): 1 where all do.
+
+    coverage : of each cell by every ply, shape (P, C).
+    """
+    capped = np.minimum(coverage, 1.0)
+    most = capped.max(axis=0)
+    part = np.where(most > 0.0, capped / np.where(most > 0.0, most, 1.0), 1.0)
+    return np.where(part >= WHOLE, 1.0, part)

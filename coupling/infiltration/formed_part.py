@@ -20,7 +20,6 @@ from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
-from lcmchain.mapping.permeability import through_layers
 from lcmchain.mapping.plies import SHARE, on_faces_of_one
 from lcmchain.mapping.sheet import (
     FIBRE_FAMILIES,
@@ -28,8 +27,8 @@ from lcmchain.mapping.sheet import (
     file_sha256,
     read_sheet,
 )
-from lcmchain.mapping.structure.formed import mapped_state
-from lcmchain.mapping.structure.stage import is_mapped, open_mapped
+from lcmchain.mapping.structure.mapped_file import is_mapped, mapped_state, open_mapped
+from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh.places import place_text
 from lcmchain.mesh_files.readers.nastran_sets import AMBIGUOUS_SETS

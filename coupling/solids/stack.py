@@ -22,8 +22,8 @@ from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.fields.stack import REACH
 from lcmchain.interfaces.in_frames import GAP
-from lcmchain.mapping.intersection import overlaps
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.intersection import overlaps
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.scene import Scene

@@ -19,7 +19,7 @@ from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
-from lcmchain.mapping.permeability import turned
+from lcmchain.mapping.surfaces.averages import turned
 from lcmchain.materials.law import fibre_angles
 from lcmchain.scene.permeability import Permeability
 from lcmchain.solver.simulation import Simulation
@@ -231,7 +231,7 @@ def through_columns(
 
     Along the stack they conduct side by side, each turned with its normal into the plane of the
     column, and through it one after the other, as of
-    :func:`lcmchain.mapping.permeability.through_layers`.
+    :func:`lcmchain.mapping.surfaces.averages.through_layers`.
 
     Parameters
     ----------

@@ -1,4 +1,13 @@
-"""What a functional mock-up unit needs on this machine, and what of it is missing."""
+"""What a functional mock-up unit needs on this machine, and what of it is missing.
+
+    unit ─▶ examine.py ─┬▶ description.py ─▶ rules/: the model description against the standard
+                        ├▶ binary.py ─▶ libraries.py: the binary for this machine, what it links to
+                        ├▶ python.py: its Python code, and the Python that is to run it
+                        └▶ host.py: the program that is to import it
+                                 every one of them ─▶ findings.py (Finding, Diagnosis)
+
+Nothing of a unit is run.
+"""
 
 from lcmchain.fmu.doctor.examine import examine
 from lcmchain.fmu.doctor.findings import Diagnosis, Finding, Level

@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
-from lcmchain.fmu.doctor.libraries import link, newest_versions
-from lcmchain.fmu.doctor.shared_objects import SharedObject, read_shared_object
+from lcmchain.fmu.doctor.libraries import SharedObject, link, newest_versions, read_shared_object
 
 # Names of this machine in FMI 2.0 (2.1.3) and in FMI 3.0 (2.5.1).
 _SYSTEMS = {"Linux": ("linux", "linux"), "Windows": ("win", "windows"), "Darwin": ("darwin",) * 2}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 import re
 import shutil
@@ -10,14 +11,16 @@ import tempfile
 import tomllib
 from pathlib import Path
 
+from lcmchain import __version__
 from lcmchain.coupling.cosimulation.archive import unpack
+from lcmchain.errors import LcmchainError
+from lcmchain.fmu.description import TOOL
 from lcmchain.fmu.doctor.binary import examine_binary, needs_python
-from lcmchain.fmu.doctor.description import findings_of, read_description
+from lcmchain.fmu.doctor.description import Description, findings_of, read_description
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
 from lcmchain.fmu.doctor.host import examine_host, find_host, python_of
-from lcmchain.fmu.doctor.own import examine_own
-from lcmchain.fmu.doctor.python_content import python_content
-from lcmchain.fmu.doctor.python_needs import examine_library, examine_python
+from lcmchain.fmu.doctor.python import examine_library, examine_python, python_content
+from lcmchain.fmu.instances import UNIT_FILE, define
 
 # What a unit says it needs from outside: FMI 2.0.2 (2.2.1), FMI 3.0 (2.5.1).
 _EXTERNAL = ("externalDependencies.txt", "externalDependencies.html")
@@ -57,7 +60,7 @@ def examine(
         diagnosis.extend(findings_of(description, is_python=content is not None))
         binary = examine_binary(diagnosis, folder, description.identifier, description.fmi_version)
         symbols = frozenset() if binary is None else needs_python(binary)
-        examine_own(diagnosis, description, folder / "resources")
+        _examine_own(diagnosis, description, folder / "resources")
         _examine_command(diagnosis, folder / "resources")
         _tell_dependencies(diagnosis, folder / "documentation")
     if content is None and not symbols:
@@ -71,6 +74,24 @@ def examine(
         if the_host is not None and of_host is None:
             examine_host(diagnosis, the_host, interpreter, symbols)
     return diagnosis
+
+
+def _examine_own(diagnosis: Diagnosis, description: Description, resources: Path) -> None:
+    """Read what the unit would read at its start, if this lcmchain has built it."""
+    if description.generation_tool != TOOL:
+        return
+    try:
+        unit = json.loads((resources / UNIT_FILE).read_text(encoding="utf-8"))
+        if unit["lcmchain_version"] != __version__:
+            return
+        definition, _ = define(unit, resources)
+        if definition.guid != unit["guid"]:
+            raise ValueError("its variables are not those of its identifier")
+    except (LcmchainError, OSError, ValueError, KeyError, TypeError) as error:
+        diagnosis.add(
+            Level.MISSING, "resources", f"they are missing or damaged ({error})",
+            "build the unit again",
+        )  # fmt: skip
 
 
 def _examine_command(diagnosis: Diagnosis, resources: Path) -> None:

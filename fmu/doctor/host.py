@@ -10,9 +10,8 @@ from pathlib import Path
 
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
-from lcmchain.fmu.doctor.interpreter import Interpreter
-from lcmchain.fmu.doctor.libraries import link
-from lcmchain.fmu.doctor.shared_objects import read_shared_object
+from lcmchain.fmu.doctor.libraries import link, read_shared_object
+from lcmchain.fmu.doctor.python import Interpreter
 
 
 def find_host(name: str) -> Path:

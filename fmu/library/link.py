@@ -17,8 +17,7 @@ from typing import NamedTuple
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
 
-from lcmchain.fmu.layout import Layout
-from lcmchain.fmu.variables import TIME, Kind, Variable
+from lcmchain.fmu.variables import TIME, Kind, Layout, Variable
 
 #: Functions of the standards that take no instance.
 FREE_OF_INSTANCES = {"fmi2GetVersion", "fmi2GetTypesPlatform", "fmi3GetVersion"}

@@ -87,7 +87,7 @@ def build_infiltration(
     if out.suffix != ".fmu":
         raise InputError("the name of a functional mock-up unit ends in .fmu", file=out)
     with output_folder(out.parent, inputs=[case] if source is None else [case, source]):
-        from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+        from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 
         options = InfiltrationUnit(
             motion=motion,  # type: ignore[arg-type]  # checked there

@@ -154,11 +154,11 @@ def carry(
     -------
     Means over the faces (F,) by name, and the areas of the faces that the other sheet covers [m²].
     """
-    from lcmchain.mapping.refinement import as_target
+    from lcmchain.mapping.fields import covered_areas, transfer_average
     from lcmchain.mapping.sheet import Sheet
-    from lcmchain.mapping.surface import Surface
-    from lcmchain.mapping.transfer import covered_areas, transfer_average
-    from lcmchain.mapping.weights import compute_weights
+    from lcmchain.mapping.surfaces.surface import Surface
+    from lcmchain.mapping.transfer import compute_weights
+    from lcmchain.mapping.verify import as_target
 
     carried = {name: np.full(len(onto.faces), np.nan) for name in names}
     areas = np.zeros(len(onto.faces))

@@ -1,4 +1,13 @@
-"""Mapped fields in the files that programs of later stages read."""
+"""Mapped fields in the files that programs of later stages read.
+
+    mapped fields ─▶ cells.py (MappedCells) ─┬▶ vmap.py
+                                             ├▶ drape.py, openradioss.py: draping by element
+                                             └▶ preform.py ─▶ rtmsim.py, lcmsim.py: filling
+    each format ─▶ its files, and report.py: what it cannot hold, with the worst error
+
+export.py knows the formats by name. A format is a file with NAME and prepare, and a line there.
+bulk_data.py writes the numbers in eight columns that several of them take.
+"""
 
 from __future__ import annotations
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lcmchain.errors import InputError
+from lcmchain.mapping.fields import MappedFields
 from lcmchain.mapping.formats import drape, lcmsim, openradioss, rtmsim, vmap
 from lcmchain.mapping.formats.cells import MappedCells, mapped_cells
 from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import MappedFields
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -28,7 +28,7 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.mapping.formats.cells import MappedCells, require_numbers
-from lcmchain.mapping.formats.draped_plies import (
+from lcmchain.mapping.formats.drape import (
     Tables,
     covered_cells,
     draped_plies,

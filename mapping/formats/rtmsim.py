@@ -15,8 +15,8 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 from lcmchain.mapping.formats.cells import MappedCells
-from lcmchain.mapping.formats.classes import Classes
 from lcmchain.mapping.formats.preform import (
+    Classes,
     Preform,
     class_table,
     losses_of,

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mapping.solids.boxes import touching, tree_of
-from lcmchain.mapping.solids.clipping import clip_triangle, tetrahedron_planes
-from lcmchain.mapping.solids.columns import Columns
+from lcmchain.mapping.solids.columns import Columns, touching, tree_of
 from lcmchain.mapping.solids.overlap import relative
-from lcmchain.mapping.solids.tetrahedra import TABLE, Solids
+from lcmchain.mapping.solids.tetrahedra import TABLE, Solids, clip_triangle, tetrahedron_planes
 
 #: Outer sides of each shape, normals outward.
 SIDES = (

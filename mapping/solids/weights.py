@@ -7,18 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.pairing import COVERED
-from lcmchain.mapping.search import closest_points
 from lcmchain.mapping.sheet import Sheet
 from lcmchain.mapping.solids.columns import Columns, columns_of, merged_places
-from lcmchain.mapping.solids.overlap import Overlaps, overlaps, sliced
+from lcmchain.mapping.solids.overlap import Overlaps, overlaps, own_walls, sliced
 from lcmchain.mapping.solids.skin import covered_faces, skin_of
 from lcmchain.mapping.solids.stack import one_ply, stack_of
 from lcmchain.mapping.solids.tetrahedra import Solids, solids_of_cells
-from lcmchain.mapping.solids.walls import own_walls
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.search import closest_points
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import (
+    COVERED,
     MappingWeights,
     Status,
     default_maximum_distance,
@@ -72,7 +71,7 @@ def compute_solid_weights(
     InputError : a distance that is not positive.
     """
     if maximum_distance is None:
-        maximum_distance = default_solid_distance(sheet, target)
+        maximum_distance = _default_solid_distance(sheet, target)
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
     cells = solids_of_cells(target.points, target.corners)
@@ -101,7 +100,7 @@ def compute_solid_weights(
     face = np.concatenate([parts.face, near_face])
     average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(near))])
     content = np.concatenate([parts.content, np.zeros(len(near))])
-    feet = in_frames(sheet.surface, near_face, closest.foot[closest.face >= 0])
+    feet = sheet.surface.in_frames(near_face, closest.foot[closest.face >= 0])
     places = _places(sheet.surface, columns, parts, covered.share)
     place = np.concatenate([places, feet])
     rows = np.lexsort((face, cell))
@@ -146,7 +145,7 @@ def compute_solid_weights(
     )
 
 
-def default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
+def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     """Distance [m] up to which a solid cell and the sheet count as the same part."""
     distance = default_maximum_distance(sheet, target)
     if "thickness" not in sheet.scalars:
@@ -196,19 +195,19 @@ def _places(surface: Surface, columns: Columns, parts: _Parts, covered: np.ndarr
     """
     face = parts.face
     # The directors of a face's corners as a linear function of the place on it.
-    corners = in_frames(
-        surface, np.arange(len(columns.faces))[:, None], columns.points[columns.faces]
+    corners = surface.in_frames(
+        np.arange(len(columns.faces))[:, None], columns.points[columns.faces]
     )
     lean = np.einsum("fui,fki->fku", surface.frames, columns.directors)
     used = np.ones(columns.faces.shape)
     used[:, 3] = columns.is_quadrilateral
     basis = np.concatenate([np.ones((*corners.shape[:2], 1)), corners], axis=2) * used[..., None]
     fit = np.linalg.pinv(basis) @ lean
-    place = in_frames(surface, face, parts.centroid)
+    place = surface.in_frames(face, parts.centroid)
     for _ in range(2):
         at = np.concatenate([np.ones((len(face), 1)), place], axis=1)
         slope = np.einsum("km,kmu->ku", at, fit[face])
-        place = in_frames(surface, face, parts.centroid) - parts.height[:, None] * slope
+        place = surface.in_frames(face, parts.centroid) - parts.height[:, None] * slope
     return place - _offset(face, place, parts.content, covered)
 
 
@@ -220,12 +219,6 @@ def _offset(
     moment = [np.bincount(face, content * place[:, axis], count) for axis in (0, 1)]
     whole = covered == 1.0
     return np.where(whole, np.stack(moment), 0.0).T[face]
-
-
-def in_frames(surface: Surface, face: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points [m] (..., 3) in the frames of their faces, from the centroids, shape (..., 2)."""
-    offset = points - surface.centroids[face]
-    return np.einsum("...ui,...i->...u", surface.frames[face], offset)
 
 
 def _mean(values: np.ndarray, parts: _Parts, cell_count: int) -> np.ndarray:

@@ -8,13 +8,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.structure.materials import Materials
-from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
-from lcmchain.mapping.structure.places import cells_at, nodes_at, sides_at
+from lcmchain.mapping.structure.mesh import DeckMesh, cells_at, deck_mesh, nodes_at, sides_at
 from lcmchain.mapping.structure.sections import THINNEST_LAYER, Sections
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.quantities.places import millimetres
@@ -26,9 +25,6 @@ ALL_NODES, ALL_ELEMENTS = "LCM_NODES", "LCM_ELEMENTS"
 #: CalculiX reads names of at most 80 characters, and lines of at most 132.
 LONGEST_NAME = 70
 PER_LINE = 12
-
-#: Nodes that CalculiX reserves for each layer and entry of the set of a layered section.
-NODES_OF_A_LAYER = 20
 
 
 @dataclass(frozen=True)
@@ -62,7 +58,7 @@ def mesh_lines(mesh: DeckMesh, units: Units) -> Iterator[str]:
         for number, nodes in zip(numbers, mesh.node_ids[cells]):
             yield from _row([number, *nodes])
         first += len(cells)
-    names = deck_names([*mesh.node_sets, *mesh.cell_sets])
+    names = _deck_names([*mesh.node_sets, *mesh.cell_sets])
     for name, nodes in mesh.node_sets.items():
         kept = np.asarray(nodes)[mesh.used[nodes]]
         yield from _set("*NSET, NSET", names[name], mesh.node_ids[kept])
@@ -121,30 +117,6 @@ def section_lines(
         values = units.length * mesh.with_middles(sections.node_thickness)[rows]
         for number, thickness in zip(mesh.node_ids[rows], values):
             yield f"{number}, {thickness:.9e}"
-
-
-def _entries_of_layers(mesh: DeckMesh, layers: np.ndarray) -> np.ndarray:
-    """Return how often every layered element stands in its set, (C,), for CalculiX to have room.
-
-    CalculiX 2.20 reserves 20 nodes for every layer and entry of the set of a section
-    (``allocation.f``), but makes three for each node of an element and each layer of the element
-    with the most of them, wherever thickness or normal differs from that of the neighbours
-    (``gen3dnor.f``): 24 for a quadrilateral. It stops with "increase nk_" where that is more in
-    sum. An entry that is there already is reserved for, and changes nothing else.
-
-    layers : of every element, (C,).
-    """
-    nodes = np.concatenate([np.full(len(cells), cells.shape[1]) for _, _, cells in mesh.blocks])
-    needed = 3 * int(layers.max(initial=0)) * nodes
-    entries = np.ones(len(layers), dtype=np.int64)
-    missing = 0
-    for cell, (need, reserved) in enumerate(zip(needed, NODES_OF_A_LAYER * layers)):
-        missing += need - reserved
-        if missing > 0:
-            more = -(-missing // reserved)
-            entries[cell] += more
-            missing -= more * reserved
-    return entries
 
 
 def step_lines(mesh: DeckMesh, structure: Structure) -> Iterator[str]:
@@ -209,14 +181,106 @@ def require_places(target: TargetMesh, structure: Structure) -> None:
         pass
 
 
-def aniso_lines(stiffness: np.ndarray) -> Iterator[str]:
+# --- materials: one per cell, or one for cells that are alike within a stated tolerance -----------
+
+
+class Materials(NamedTuple):
+    """Materials and the cells that have them.
+
+    of_cell : material of each cell, (C,).
+    stiffness : [Pa], (M, 6, 6). layers : of each kind of layer, (M, 6, 6), where there are any.
+    density : [kg/m3], (M,).
+    error : largest difference between a stiffness of a cell and that of its material, relative to
+        the largest stiffness of the cell.
+    """
+
+    of_cell: np.ndarray
+    stiffness: np.ndarray
+    layers: tuple[np.ndarray, ...]
+    density: np.ndarray
+    error: float
+
+
+def materials_of(sections: Sections, tolerance: float) -> Materials:
+    """Group the cells whose stiffness differs by less than ``tolerance``; 0 groups none.
+
+    Fibre volume fraction, angle and share of every layer decide the stiffness in the axes of the
+    cell. All are divided into equal steps, which are made smaller until the tolerance holds.
+    """
+    if tolerance == 0.0:
+        layers = () if sections.through is None else sections.through.kinds
+        each = np.arange(len(sections.density))
+        return Materials(each, sections.stiffness, layers, sections.density, 0.0)
+    mean = sections.fibre_volume_fraction.mean()
+    states = [
+        column
+        for layer in sections.layers
+        for column in (layer.fibre_volume_fraction / mean, layer.angle, layer.share)
+    ]
+    step = tolerance
+    while True:
+        keys = (np.stack(states, axis=1) / step).round()
+        _, of_cell = np.unique(keys, axis=0, return_inverse=True)
+        found = _grouped(sections, of_cell.reshape(-1))
+        if found.error <= tolerance:
+            return found
+        step *= 0.7
+
+
+def _grouped(sections: Sections, of_cell: np.ndarray) -> Materials:
+    members = np.bincount(of_cell)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        total = np.zeros((len(members), *values.shape[1:]))
+        np.add.at(total, of_cell, values)
+        return total / members.reshape(-1, *[1] * (values.ndim - 1))
+
+    stiffness = mean(sections.stiffness)
+    off = np.abs(stiffness[of_cell] - sections.stiffness).max(axis=(1, 2))
+    error = float((off / sections.stiffness.max(axis=(1, 2))).max())
+    kinds = () if sections.through is None else sections.through.kinds
+    layers = tuple(mean(kind) for kind in kinds)
+    return Materials(of_cell, stiffness, layers, mean(sections.density), error)
+
+
+# --- lines of the deck ----------------------------------------------------------------------------
+
+#: Nodes that CalculiX reserves for each layer and entry of the set of a layered section.
+NODES_OF_A_LAYER = 20
+
+
+def _entries_of_layers(mesh: DeckMesh, layers: np.ndarray) -> np.ndarray:
+    """Return how often every layered element stands in its set, (C,), for CalculiX to have room.
+
+    CalculiX 2.20 reserves 20 nodes for every layer and entry of the set of a section
+    (``allocation.f``), but makes three for each node of an element and each layer of the element
+    with the most of them, wherever thickness or normal differs from that of the neighbours
+    (``gen3dnor.f``): 24 for a quadrilateral. It stops with "increase nk_" where that is more in
+    sum. An entry that is there already is reserved for, and changes nothing else.
+
+    layers : of every element, (C,).
+    """
+    nodes = np.concatenate([np.full(len(cells), cells.shape[1]) for _, _, cells in mesh.blocks])
+    needed = 3 * int(layers.max(initial=0)) * nodes
+    entries = np.ones(len(layers), dtype=np.int64)
+    missing = 0
+    for cell, (need, reserved) in enumerate(zip(needed, NODES_OF_A_LAYER * layers)):
+        missing += need - reserved
+        if missing > 0:
+            more = -(-missing // reserved)
+            entries[cell] += more
+            missing -= more * reserved
+    return entries
+
+
+def _aniso_lines(stiffness: np.ndarray) -> Iterator[str]:
     """Upper triangle of a stiffness (6, 6) in CalculiX's order 11, 22, 33, 12, 13, 23."""
     constants = [stiffness[row, column] for column in range(6) for row in range(column + 1)]
     for start in range(0, 21, 8):
         yield ", ".join(f"{value:.9e}" for value in constants[start : start + 8])
 
 
-def deck_names(names: Iterable[str]) -> dict[str, str]:
+def _deck_names(names: Iterable[str]) -> dict[str, str]:
     """Names of sets as CalculiX takes them: letters in capitals, digits, _ and -; all different."""
     taken: dict[str, str] = {}
     for name in names:
@@ -242,7 +306,7 @@ def _material_lines(materials: Materials, units: Units, layered: bool) -> Iterat
         for number, (constants, density) in enumerate(pairs, start=1):
             yield f"*MATERIAL, NAME=LCM_M{number}{ending}"
             yield "*ELASTIC, TYPE=ANISO"
-            yield from aniso_lines(constants)
+            yield from _aniso_lines(constants)
             yield "*DENSITY"
             yield f"{density:.9e}"
 

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.atomic import replacing
-from lcmchain.mapping.structure.deck import idle_loads
-from lcmchain.mapping.structure.materials import Materials
+from lcmchain.mapping.structure.calculix import SolverRun
+from lcmchain.mapping.structure.deck import Materials, idle_loads
 from lcmchain.mapping.structure.mesh import TOO_STIFF, DeckMesh
 from lcmchain.mapping.structure.results import StructuralResults
 from lcmchain.mapping.structure.sections import Sections
-from lcmchain.mapping.structure.solver import SolverRun
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene.structure import Structure
 

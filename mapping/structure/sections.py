@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError, first_few
-from lcmchain.mapping.structure.formed import CLOSEST_FAMILIES, FormedCells, FormedPly
-from lcmchain.mapping.structure.micromechanics import MODELS
+from lcmchain.mapping.structure.mapped_file import CLOSEST_FAMILIES, FormedCells, FormedPly
 from lcmchain.mapping.structure.stiffness import (
+    MODELS,
     LaminateStiffness,
     homogenised,
     interleaved,
@@ -119,7 +119,7 @@ def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure
     thickness = node_thickness = error = None
     fuller = np.ones(target.cell_count)
     if not target.is_solid:
-        node_thickness = thickness_at_nodes(target, formed.thickness)
+        node_thickness = _thickness_at_nodes(target, formed.thickness)
         corners = target.corners
         of_corners = np.where(corners >= 0, node_thickness[corners], 0.0)
         thickness = of_corners.sum(axis=1) / (corners >= 0).sum(axis=1)
@@ -270,7 +270,7 @@ def _order_of_plies(formed: FormedCells, target: TargetMesh) -> tuple[np.ndarray
     return order, np.where(lean < 0.0, -1.0, 1.0)
 
 
-def thickness_at_nodes(target: TargetMesh, thickness: np.ndarray) -> np.ndarray:
+def _thickness_at_nodes(target: TargetMesh, thickness: np.ndarray) -> np.ndarray:
     """Mean thickness of the cells around every corner node [m], (N,), weighted by their areas."""
     corners, areas = target.corners, target.surface.areas
     used = corners >= 0

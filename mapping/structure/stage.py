@@ -5,32 +5,47 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from lcmchain.atomic import replacing
-from lcmchain.errors import InputError, shortened
-from lcmchain.fields.netcdf_file import open_netcdf, write_netcdf
-from lcmchain.mapping.sheet import file_sha256
-from lcmchain.mapping.solid_file import SKIN, SOLID, file_groups
-from lcmchain.mapping.source_checks import UNREADABLE
-from lcmchain.mapping.structure.deck import UNITS, mesh_lines, section_lines, step_lines
-from lcmchain.mapping.structure.files import (
+from lcmchain.errors import InputError
+from lcmchain.fields.netcdf_file import write_netcdf
+from lcmchain.mapping.files import file_groups
+from lcmchain.mapping.report import MappingReport
+from lcmchain.mapping.stage import MappingOptions, map_forming
+from lcmchain.mapping.structure.calculix import SolverError, SolverRun, find_solver, run_solver
+from lcmchain.mapping.structure.deck import (
+    UNITS,
+    Materials,
+    materials_of,
+    mesh_lines,
+    require_places,
+    section_lines,
+    step_lines,
+)
+from lcmchain.mapping.structure.mapped_file import (
+    formed_cells,
+    is_mapped,
+    mapped_onto,
+    mapped_state,
+    open_mapped,
+    read_mapped,
+)
+from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
+from lcmchain.mapping.structure.picture import draw_results
+from lcmchain.mapping.structure.report import StructureReport, deck_report
+from lcmchain.mapping.structure.results import (
+    StructuralResults,
+    read_results,
     require_same_nodes,
     results_dataset,
     write_results_vtu,
 )
-from lcmchain.mapping.structure.formed import formed_cells, mapped_state
-from lcmchain.mapping.structure.materials import Materials, materials_of
-from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
-from lcmchain.mapping.structure.picture import draw_results
-from lcmchain.mapping.structure.report import StructureReport, deck_report
-from lcmchain.mapping.structure.results import StructuralResults, read_results
 from lcmchain.mapping.structure.sections import Sections, build_sections
-from lcmchain.mapping.structure.solver import SolverError, SolverRun, find_solver, run_solver
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.scene.structure import Structure
 
@@ -52,6 +67,50 @@ class SolverOptions:
     command: str = "ccx"
     threads: int | None = None
     picture: bool = True
+
+
+def map_and_analyse(
+    source: Path | str,
+    target_mesh: Path | str,
+    structure: Structure,
+    *,
+    name: str,
+    out_dir: Path | str,
+    mapping: MappingOptions | None = None,
+    options: SolverOptions | None = None,
+) -> tuple[MappingReport | None, StructureReport]:
+    """Analyse a part from a forming result, or from a file that is mapped onto its mesh already.
+
+    Parameters
+    ----------
+    source : ``forming.nc``, or the file of a mapping. What is not mapped onto ``target_mesh`` is
+        mapped first, into ``NAME.nc`` and its companions.
+    mapping : how it is mapped. Other arguments as of :func:`analyse`.
+
+    Raises
+    ------
+    InputError, SolverError : as the mapping and :func:`analyse` do.
+    """
+    mapping = mapping or MappingOptions()
+    path = Path(source)
+    if not path.is_file():
+        raise InputError("there is no such file", file=path)
+    attributes = open_mapped(path)
+    target = read_target(target_mesh, kind="structure", length_unit=mapping.length_unit)
+    require_places(target, structure)  # what the deck cannot hold is refused before the mapping
+    report = None
+    mapped = path
+    if not mapped_onto(attributes, target_mesh):
+        report = map_forming(
+            source, target_mesh, replace(mapping, kind="structure"), name=name, out_dir=out_dir
+        )
+        mapped = Path(out_dir) / f"{name}.nc"
+        if is_mapped(attributes):
+            report.warnings.append(
+                f"{Path(source).name} is mapped onto another mesh, or another state of this one: "
+                "its fields were mapped once more; start from the forming result to lose nothing"
+            )
+    return report, analyse(mapped, target, structure, name=name, out_dir=out_dir, options=options)
 
 
 def analyse(
@@ -116,52 +175,6 @@ def analyse(
         )
     _write_results(out, source, target, mesh, sections, results, report, options)
     return report
-
-
-def read_mapped(path: Path | str) -> xr.Dataset:
-    """Read a mapped file.
-
-    Raises
-    ------
-    InputError : it is absent or no mapped file.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError("there is no such mapped file", file=path)
-    loaded = open_mapped(path)
-    if not is_mapped(loaded):
-        raise InputError("this is no mapped file: it has no mesh named target", file=path)
-    return loaded
-
-
-def open_mapped(path: Path) -> xr.Dataset:
-    """Read the group of a file that has all cells of a mapping: ``/solid`` for solids, or the root.
-
-    Raises
-    ------
-    InputError : it is no netCDF file.
-    """
-    try:
-        with open_netcdf(path, mask_and_scale=False) as root:
-            loaded = root.load()
-        if not is_mapped(loaded) and SKIN.name in loaded:
-            with open_netcdf(path, mask_and_scale=False, group=SOLID) as solid:
-                loaded = solid.load()
-    except UNREADABLE as error:
-        reason = shortened(str(error), 300)
-        raise InputError(f"this is no netCDF result ({reason})", file=path) from None
-    return loaded
-
-
-def is_mapped(dataset: xr.Dataset) -> bool:
-    """Whether a dataset is that of a mapping, rather than of a forming run."""
-    return "target" in dataset and dataset["target"].attrs.get("cf_role") == "mesh_topology"
-
-
-def mapped_onto(dataset: xr.Dataset, target_mesh: Path | str) -> bool:
-    """Whether a dataset is that of a mapping onto the mesh of a file."""
-    stored = dataset.attrs.get("target_sha256")
-    return is_mapped(dataset) and stored == file_sha256(target_mesh)
 
 
 def _deck_texts(

@@ -1,4 +1,8 @@
-"""Target meshes: read from a file, with their numbers, sets and parts, as cells in space."""
+"""Target meshes: read from a file, with their numbers, sets and parts, as cells in space.
+
+mesh file ─▶ read.py: the cells of the kind, what is wrong with them ─▶ mesh.py (TargetMesh)
+                                                 its numbers, sets and parts ─▶ variables.py
+"""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.jit import routine
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mesh_files.shapes import (
     SOLID_CORNERS,
     SOLID_EDGES,

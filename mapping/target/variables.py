@@ -41,7 +41,7 @@ def cell_variables(target: TargetMesh) -> dict[str, Described]:
             "flag_meanings": " ".join(words),
             "part_names": "\n".join(names),
         }
-        found["part"] = (part_numbers(target), about)
+        found["part"] = (_part_numbers(target), about)
     return found | _memberships("cell_set", target.cell_sets, target.cell_count)
 
 
@@ -60,7 +60,7 @@ def cell_data(target: TargetMesh) -> dict[str, np.ndarray]:
     """
     data = {"cell_id": target.cell_ids}
     if target.parts:
-        data["part"] = part_numbers(target)
+        data["part"] = _part_numbers(target)
     parts = target.parts if len(target.parts) <= MOST_MARKED_PARTS else {}
     data |= _marked(PART, parts, target.cell_count)
     return data | _marked(CELL_SET, target.cell_sets, target.cell_count)
@@ -71,7 +71,7 @@ def point_data(target: TargetMesh) -> dict[str, np.ndarray]:
     return {"node_id": target.node_ids} | _marked(NODE_SET, target.node_sets, len(target.points))
 
 
-def part_numbers(target: TargetMesh) -> np.ndarray:
+def _part_numbers(target: TargetMesh) -> np.ndarray:
     """Part of each cell counted from 1, 0 where it has none, shape (C,)."""
     numbers = np.zeros(target.cell_count, dtype=np.int32)
     for number, rows in enumerate(target.parts.values(), start=1):

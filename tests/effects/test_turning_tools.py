@@ -15,7 +15,7 @@ from lcmchain.fields.frames import FrameSeries
 from lcmchain.fields.histories import Histories
 from lcmchain.fields.history_group import history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming import variables_of
+from lcmchain.fmu.forming.variables import variables_of
 from lcmchain.model import build_model
 from lcmchain.report.page_data import tool_data
 from lcmchain.scene import read_scene, scene_from_text

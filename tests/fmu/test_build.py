@@ -14,12 +14,11 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.coupling.cosimulation.physical_units import display_unit, unit_from_name
 from lcmchain.errors import InputError
-from lcmchain.fmu import description2, description3
 from lcmchain.fmu.build import build_fmu, model_identifier
-from lcmchain.fmu.description import as_bytes
-from lcmchain.fmu.forming_variables import Abilities, field_names, forming_variables
+from lcmchain.fmu.conduct import StepOutcome
+from lcmchain.fmu.description import as_bytes, model_description
+from lcmchain.fmu.forming.variables import Abilities, field_names, forming_variables
 from lcmchain.fmu.part import UnitDefinition
-from lcmchain.fmu.status import StepOutcome
 from lcmchain.fmu.variables import DECLARED_TYPES, DISPLAY_UNITS, TYPE_OF_UNIT, UNITS
 from lcmchain.scene import read_scene
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
@@ -215,9 +214,9 @@ def test_a_value_in_a_display_unit_means_what_its_name_means():
 def test_the_naming_convention_does_not_depend_on_the_size_of_the_model(
     version, convention, elements
 ):
-    describe = {2: description2, 3: description3}[version].model_description
     variables = forming_variables(Abilities([], elements, 5e-3, "Scene", True, True, False))
-    root = describe(UnitDefinition("0", {}, "Scene", "unit", variables, 1.0, 0.1))
+    unit = UnitDefinition("0", {}, "Scene", "unit", variables, 1.0, 0.1)
+    root = model_description(unit, version)
     assert root.get("variableNamingConvention") == convention
 
 
@@ -248,7 +247,7 @@ def test_description_of_3600_elements_is_small(tmp_path):
     tools = [(f"tool {k}", GUIDED) for k in range(10)]
     abilities = Abilities(tools, 3600, 5e-3, "Scene", True, True, True)
     definition = UnitDefinition("0", {}, "Scene", "unit", forming_variables(abilities), 1.0, 0.1)
-    content = as_bytes(description3.model_description(definition))
+    content = as_bytes(model_description(definition, 3))
     assert len(content) < 300_000
     assert content.count(b"<Dimension") == len(field_names(abilities)) + 1
 

@@ -14,8 +14,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.conduct import Status
 from lcmchain.fmu.instances import open_unit
-from lcmchain.fmu.status import Status
 
 CALLS = Path(__file__).with_name("calls.py")
 STEP = 1e-4

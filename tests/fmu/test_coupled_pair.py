@@ -16,7 +16,7 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.fields import write_forming_netcdf
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.scene import read_infiltration, read_scene
 from lcmchain.solver.simulation import Simulation
 

@@ -15,7 +15,8 @@ from elftools.elf.elffile import ELFFile
 from fmpy import extract
 
 from lcmchain.errors import InputError
-from lcmchain.fmu import build, description2, description3
+from lcmchain.fmu import build
+from lcmchain.fmu.description import model_description
 from lcmchain.fmu.library.compile import compiled, hash_of_sources
 from lcmchain.fmu.library.link import (
     FREE_OF_INSTANCES,
@@ -152,8 +153,9 @@ def test_the_guard_reads_the_time_wherever_it_stands_among_the_variables(version
     text = Variable("scene", Kind.STRING, "local", "constant", "title", start="")
     field = Variable("thickness", Kind.REAL, "input", "continuous", "of it", "m", start=0.0, size=3)
     unit = UnitDefinition("0", {}, "title", "name", (text, field, TIME), 1.0, 0.1)
-    describe = {2: description2, 3: description3}[version].model_description
-    (told,) = (entry for entry in describe(unit).iter() if entry.get("name") == "time")
+    (told,) = (
+        entry for entry in model_description(unit, version).iter() if entry.get("name") == "time"
+    )
     _, time = struct.unpack_from("<2I", unit_table(unit.variables, arrays=version == 3))
     assert time == int(told.get("valueReference")) == {2: 4, 3: 2}[version]
 

@@ -21,8 +21,8 @@ from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill_part
 from lcmchain.errors import InputError
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
-from lcmchain.fmu.infiltration_variables import FRONT
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration.variables import FRONT
 from lcmchain.mapping.interface import read_interface
 from lcmchain.scene import read_infiltration
 

@@ -12,8 +12,8 @@ from fmpy import extract, read_model_description
 from lcmchain.coupling.solids.explicit import ExplicitForming
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.conduct import Status
 from lcmchain.fmu.instances import open_unit
-from lcmchain.fmu.status import Status
 from lcmchain.fmu.variables import Kind
 from lcmchain.scene import read_scene
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.conduct import Status
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.fmu.instances import open_unit
-from lcmchain.fmu.saved_state import PartState, SavedState
-from lcmchain.fmu.status import Status
+from lcmchain.fmu.part import PartState, SavedState
 from lcmchain.fmu.variables import Kind
 from lcmchain.mapping.interface import read_interface
 

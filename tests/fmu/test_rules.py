@@ -17,8 +17,8 @@ from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.doctor.description import MOST_TOLD, findings_of, read_description
 from lcmchain.fmu.doctor.rules import RULES, broken_rules
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
-from lcmchain.fmu.infiltration_variables import MOTIONS
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration.variables import MOTIONS
 from lcmchain.manual.contents import read_page
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

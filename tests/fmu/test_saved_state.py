@@ -11,11 +11,11 @@ import pytest
 from lcmchain import fingerprint
 from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import SimulationError
-from lcmchain.fmu import forming
-from lcmchain.fmu.forming import meshes_of, variables_of
+from lcmchain.fmu.conduct import Phase, Status
+from lcmchain.fmu.forming import variables as interface
+from lcmchain.fmu.forming.variables import meshes_of, variables_of
 from lcmchain.fmu.instances import open_unit, read_state
-from lcmchain.fmu.saved_state import PartState, SavedState, Unreadable
-from lcmchain.fmu.status import Phase, Status
+from lcmchain.fmu.part import PartState, SavedState, Unreadable
 from lcmchain.fmu.variables import Kind
 from lcmchain.model import build_model
 from lcmchain.scene import read_scene
@@ -248,7 +248,7 @@ def test_a_unit_counts_the_elements_of_the_model(scene_file, element, monkeypatc
     """Two triangles for each hexahedron."""
     counts = []
     monkeypatch.setattr(
-        forming, "forming_variables", lambda able, *_: counts.append(able.element_count)
+        interface, "forming_variables", lambda able, *_: counts.append(able.element_count)
     )
     scene = read_scene(scene_file, [f"element={element}"])
     variables_of(scene)

@@ -12,7 +12,7 @@ from fmpy.fmi3 import FMU3Slave
 from lcmchain.errors import InputError
 from lcmchain.fields.summary import stack_summary
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming import variables_of
+from lcmchain.fmu.forming.variables import variables_of
 from lcmchain.mapping.interface import read_interface
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
@@ -224,9 +224,9 @@ def test_a_saved_state_goes_on_to_the_same_bits(fmi, units, tmp_path):
 
 def test_the_springs_between_the_plies_belong_to_the_state(units, tmp_path):
     """Each array of the interface is in the bytes and changes what comes: none can be left out."""
+    from lcmchain.fmu.conduct import Status
     from lcmchain.fmu.instances import open_unit
-    from lcmchain.fmu.saved_state import SavedState
-    from lcmchain.fmu.status import Status
+    from lcmchain.fmu.part import SavedState
 
     folder = extract(str(units[3]), unzipdir=str(tmp_path))
     unit = open_unit(f"{folder}/resources", "one", lambda *_: None, arrays=True)

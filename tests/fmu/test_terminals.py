@@ -14,10 +14,10 @@ from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
+from lcmchain.fmu.description import terminals_of
 from lcmchain.fmu.doctor.description import findings_of, read_description
 from lcmchain.fmu.doctor.rules import RULES, broken_rules
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
-from lcmchain.fmu.terminals import terminals_of
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.fmu.variables import Kind, Variable
 
 COMPRESSION = Path(__file__).resolve().parents[2] / "examples" / "cosimulation" / "compression"

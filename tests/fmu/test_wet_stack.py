@@ -14,8 +14,8 @@ from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming import variables_of
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.forming.variables import variables_of
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 
@@ -105,9 +105,9 @@ def test_units_give_the_result_of_the_process(scene_file, sheet_unit):
 
 def test_a_saved_state_goes_on_to_the_same_bits(sheet_unit, tmp_path):
     """Outputs of the last step come back too, which belong to the columns that it began with."""
+    from lcmchain.fmu.conduct import Status
     from lcmchain.fmu.instances import open_unit
-    from lcmchain.fmu.saved_state import SavedState
-    from lcmchain.fmu.status import Status
+    from lcmchain.fmu.part import SavedState
 
     folder = extract(str(sheet_unit), unzipdir=str(tmp_path))
     unit = open_unit(f"{folder}/resources", "one", lambda *_: None, arrays=True)

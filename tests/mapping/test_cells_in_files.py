@@ -19,7 +19,7 @@ from lcmchain.manual.contents import FOLDER
 from lcmchain.mapping import map_file, read_target
 from lcmchain.mapping.formats.export import prepare_export
 from lcmchain.mapping.structure import SolverOptions, map_and_analyse
-from lcmchain.mapping.structure.stage import open_mapped
+from lcmchain.mapping.structure.mapped_file import open_mapped
 from lcmchain.mesh_files.meshio_names import ADDED, is_known_to_vtk
 from lcmchain.mesh_files.readers import (
     abaqus_elements,

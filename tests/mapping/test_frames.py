@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, write_netcdf
 from lcmchain.mapping import TargetMesh, compute_weights, map_file, read_sheet
+from lcmchain.mapping.fields import content_of_sheet
 from lcmchain.mapping.frames import mapped_frames, material_places, positions_of, weights_at
-from lcmchain.mapping.surface import Surface
-from lcmchain.mapping.transfer import content_of_sheet
+from lcmchain.mapping.surfaces.surface import Surface
 
 TIMES = (0.0, 0.04, 0.1)
 

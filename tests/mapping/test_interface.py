@@ -10,8 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.interface import Interface, read_interface
-from lcmchain.mapping.patches import Patches, group_cells, shared_edges
+from lcmchain.mapping.interface import Interface, Patches, group_cells, read_interface, shared_edges
 
 
 def plate(columns, rows, *, triangles=0.0, seed=0):

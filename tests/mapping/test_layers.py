@@ -5,10 +5,10 @@ import pytest
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import Status, TargetMesh, compute_weights, map_file, read_sheet
-from lcmchain.mapping.intersection import Overlaps, overlaps
-from lcmchain.mapping.layers import choose_layers
-from lcmchain.mapping.surface import Surface
-from lcmchain.mapping.transfer import transfer_average
+from lcmchain.mapping.fields import transfer_average
+from lcmchain.mapping.surfaces.intersection import Overlaps, overlaps
+from lcmchain.mapping.surfaces.pairing import choose_layers
+from lcmchain.mapping.surfaces.surface import Surface
 
 EDGE = 5e-3
 LENGTH = 0.06

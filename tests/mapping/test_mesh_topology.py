@@ -6,9 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.mapping.clipping import WORK, clip
-from lcmchain.mapping.coincidence import places_of
-from lcmchain.mapping.winding import winding
+from lcmchain.mapping.surfaces.intersection import WORK, clip
+from lcmchain.mapping.surfaces.surface import places_of, winding
 
 FACES = st.lists(
     st.lists(st.integers(0, 7), min_size=3, max_size=4, unique=True), min_size=1, max_size=12

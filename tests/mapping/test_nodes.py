@@ -7,7 +7,7 @@ import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import TargetMesh, compute_weights, map_file, read_sheet
-from lcmchain.mapping.nodes import transfer_to_nodes
+from lcmchain.mapping.fields import transfer_to_nodes
 
 
 def shell(points, cells):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from lcmchain.errors import InputError
 from lcmchain.mapping import TargetMesh, map_file, read_sheet
 from lcmchain.mapping.registration import registered, registration_of
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
 
 TURN, SHIFT = np.radians([0.6, -0.8, 0.5]), np.array([0.4e-3, -0.7e-3, 0.5e-3])
 

@@ -5,9 +5,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.mapping.intersection import overlaps
-from lcmchain.mapping.search import closest_points
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.intersection import overlaps
+from lcmchain.mapping.surfaces.search import closest_points
+from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import CellPolygons
 
 coordinate = st.floats(-1.0, 1.0, allow_nan=False)

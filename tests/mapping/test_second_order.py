@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lcmchain.mapping import TargetMesh, compute_weights, read_sheet, transfer
-from lcmchain.mapping.transfer import (
+from lcmchain.mapping.fields import (
     content_of_cells,
     content_of_sheet,
     covered_areas,

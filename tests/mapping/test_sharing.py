@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lcmchain.mapping import compute_weights, read_sheet, transfer
+from lcmchain.mapping.fields import content_of_cells, content_of_sheet
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mapping.transfer import content_of_cells, content_of_sheet
 
 MASS = 0.6
 

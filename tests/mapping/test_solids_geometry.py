@@ -5,18 +5,25 @@ import pytest
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-from lcmchain.mapping.solids.boxes import touching, tree_of
-from lcmchain.mapping.solids.clipping import (
+from lcmchain.mapping.solids.columns import (
+    columns_of,
+    node_normals,
+    own_reach,
+    touching,
+    tree_of,
+    upright_reach,
+)
+from lcmchain.mapping.solids.overlap import overlaps
+from lcmchain.mapping.solids.tetrahedra import (
+    HEXAHEDRON,
     MOST_CORNERS,
     clip_tetrahedron,
     clip_triangle,
+    solids,
+    solids_of_cells,
     tetrahedron_planes,
 )
-from lcmchain.mapping.solids.columns import columns_of, node_normals
-from lcmchain.mapping.solids.overlap import overlaps
-from lcmchain.mapping.solids.reach import own_reach, upright_reach
-from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, solids, solids_of_cells
-from lcmchain.mapping.surface import Surface
+from lcmchain.mapping.surfaces.surface import Surface
 
 CUBE = np.array(
     [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float

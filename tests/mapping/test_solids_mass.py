@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial import Delaunay
 
 from lcmchain.mapping import Status, TargetMesh, compute_weights, read_sheet, transfer
+from lcmchain.mapping.fields import content_of_cells, content_of_sheet
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
-from lcmchain.mapping.transfer import content_of_cells, content_of_sheet
 
 KINDS = ("hexahedron", "wedge", "tetra", "pyramid")
 THICKNESS = 0.04

@@ -16,9 +16,9 @@ from lcmchain.mapping import (
     read_sheet,
     transfer,
 )
-from lcmchain.mapping.options import MappingOptions
+from lcmchain.mapping.fields import transfer_average
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
-from lcmchain.mapping.transfer import transfer_average
+from lcmchain.mapping.stage import MappingOptions
 
 THICKNESS = 1e-3
 QUIET = {"picture": False}

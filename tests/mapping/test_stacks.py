@@ -17,10 +17,10 @@ from lcmchain.mapping import (
     read_sheet,
     transfer,
 )
-from lcmchain.mapping.bodies import present
+from lcmchain.mapping.fields import content_of_cells, content_of_sheet
 from lcmchain.mapping.picture import comparable
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
-from lcmchain.mapping.transfer import content_of_cells, content_of_sheet
+from lcmchain.mapping.weights import present
 
 DEPTH = 0.3
 UNDER, OVER = 0.02, 0.03  # thicknesses

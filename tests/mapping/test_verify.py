@@ -9,11 +9,16 @@ import xarray as xr
 
 from lcmchain.coupling.permeability import PermeabilityLaw, principal_permeabilities
 from lcmchain.mapping import TargetMesh, compute_weights, map_file, read_sheet, transfer
-from lcmchain.mapping.reconstruction import means_of_parts
-from lcmchain.mapping.refinement import as_target, refined_sheet, refined_surface, refined_target
-from lcmchain.mapping.surface import Surface
-from lcmchain.mapping.tensors import angles_between
-from lcmchain.mapping.verify import verify
+from lcmchain.mapping.surfaces.averages import angles_between
+from lcmchain.mapping.surfaces.surface import Surface
+from lcmchain.mapping.verify import (
+    as_target,
+    means_of_parts,
+    refined_sheet,
+    refined_surface,
+    refined_target,
+    verify,
+)
 
 RADIUS = 0.1
 

@@ -15,9 +15,9 @@ from lcmchain.mapping import (
     read_sheet,
     transfer,
 )
-from lcmchain.mapping.orientation import map_directions
+from lcmchain.mapping.fields import content_of_cells, content_of_sheet, transfer_average
 from lcmchain.mapping.report import mapping_report
-from lcmchain.mapping.transfer import content_of_cells, content_of_sheet, transfer_average
+from lcmchain.mapping.surfaces.averages import map_directions
 from lcmchain.mapping.weights import default_maximum_distance
 
 METHODS = ("overlap", "closest")

@@ -19,9 +19,9 @@ from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields.stages import stage_summary
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming_variables import STACK
+from lcmchain.fmu.conduct import Status
+from lcmchain.fmu.forming.variables import STACK
 from lcmchain.fmu.instances import open_unit
-from lcmchain.fmu.status import Status
 from lcmchain.interfaces.forces import REFRESHES_LEFT
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

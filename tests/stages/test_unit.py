@@ -11,10 +11,10 @@ from fmpy.validation import validate_fmu
 from staged_strip import simulation_of, text_of
 
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming_variables import GRIPPERS
+from lcmchain.fmu.conduct import Status
+from lcmchain.fmu.forming.variables import GRIPPERS
 from lcmchain.fmu.instances import open_unit, read_state
-from lcmchain.fmu.saved_state import SavedState
-from lcmchain.fmu.status import Status
+from lcmchain.fmu.part import SavedState
 from lcmchain.fmu.variables import Kind
 
 MS = 1e-3

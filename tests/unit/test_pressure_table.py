@@ -14,7 +14,7 @@ from lcmchain.coupons.compaction import compaction
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import limits
-from lcmchain.fmu.scene_files import stage_scene
+from lcmchain.fmu.build import stage_scene
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.from_file import identify_compaction_file
 from lcmchain.identification.pressure_table import identify_pressure_table

@@ -17,7 +17,7 @@ from lcmchain.coupling.cosimulation.run import run_system
 from lcmchain.coupling.cosimulation.system_file import read_system
 from lcmchain.coupling.wet_forming.wet_forming import WetForming
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.infiltration_build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
 

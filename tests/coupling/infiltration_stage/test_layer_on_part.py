@@ -12,7 +12,7 @@ from lcmchain.coupling.infiltration.formed_part import read_formed_part, unforme
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillingRun, FillOptions, fill, map_and_fill
 from lcmchain.errors import InputError
-from lcmchain.fmu.infiltration_build import build_infiltration_fmu
+from lcmchain.fmu.infiltration.build import build_infiltration_fmu
 from lcmchain.report.chapters import filling_in_words
 from lcmchain.scene.reading.single_tables import infiltration_from_text
 

@@ -21,8 +21,8 @@ from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.ugrid import UgridMesh
 from lcmchain.mapping import map_file
-from lcmchain.mapping.permeability import through_layers
 from lcmchain.mapping.sheet import PrincipalPermeability
+from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.permeability import GebartPermeability, KozenyCarmanPermeability
 

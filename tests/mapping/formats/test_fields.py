@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from lcmchain.errors import InputError
 from lcmchain.mapping.formats import FORMATS, export
 from lcmchain.mapping.formats.bulk_data import line, number, real
-from lcmchain.mapping.formats.triangles import triangles_of
+from lcmchain.mapping.formats.preform import triangles_of
 
 ordinary = st.floats(1e-30, 1e6) | st.floats(-1e6, -1e-30)
 

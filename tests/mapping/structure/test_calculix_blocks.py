@@ -6,8 +6,7 @@ import pytest
 import xarray as xr
 
 from lcmchain.mapping.structure import SolverOptions, analyse
-from lcmchain.mapping.structure.micromechanics import chamis
-from lcmchain.mapping.structure.stiffness import homogenised, ply_stiffness, turned
+from lcmchain.mapping.structure.stiffness import chamis, homogenised, ply_stiffness, turned
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import structure_from_text
 from lcmchain.scene.structure import Fibre, Resin

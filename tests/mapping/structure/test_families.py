@@ -6,10 +6,9 @@ import pytest
 from lcmchain.errors import InputError
 from lcmchain.mapping import map_file, read_target
 from lcmchain.mapping.formats import export
-from lcmchain.mapping.structure.files import cell_values
-from lcmchain.mapping.structure.formed import formed_cells, mapped_state
+from lcmchain.mapping.structure.mapped_file import formed_cells, mapped_state, open_mapped
+from lcmchain.mapping.structure.results import cell_values
 from lcmchain.mapping.structure.sections import build_sections
-from lcmchain.mapping.structure.stage import open_mapped
 from lcmchain.scene import structure_from_text
 
 from .conftest import MATERIAL, THICKNESS, V, unit

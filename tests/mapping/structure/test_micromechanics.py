@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from lcmchain.mapping.structure.micromechanics import MODELS, chamis, halpin_tsai, mori_tanaka
-from lcmchain.mapping.structure.stiffness import ply_stiffness
+from lcmchain.mapping.structure.stiffness import (
+    MODELS,
+    chamis,
+    halpin_tsai,
+    mori_tanaka,
+    ply_stiffness,
+)
 from lcmchain.scene.presets import FIBRES, RESINS
 from lcmchain.scene.structure import Fibre, Resin
 

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.structure.dat import read_printed
-from lcmchain.mapping.structure.frd import read_displacements
-from lcmchain.mapping.structure.solver import SolverError, judged, messages
+from lcmchain.mapping.structure.calculix import (
+    SolverError,
+    judged,
+    messages,
+    read_displacements,
+    read_printed,
+)
 
 from .conftest import condition, needs_calculix
 

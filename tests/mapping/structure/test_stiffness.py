@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lcmchain.mapping.structure.micromechanics import chamis
 from lcmchain.mapping.structure.stiffness import (
+    chamis,
     homogenised,
     interleaved,
     laminate,

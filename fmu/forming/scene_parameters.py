@@ -1,0 +1,133 @@
+"""Entries of a scene that a master may set before initialization: parameters of the unit.
+
+The friction of the tools always; further ones where the scene marks them:
+
+    [fmu]
+    parameters = ["tools.holder.motion.mass", "process.mass_damping"]
+
+They are entries with one number. What decides the mesh is none of them: fields have as many values
+as the unit was built with.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel
+
+from lcmchain.errors import InputError
+from lcmchain.fmu.variables import UNITS, Kind, Variable, quoted
+from lcmchain.quantities.entry_types import Number, Quantity
+from lcmchain.scene import Scene
+from lcmchain.scene.reading.overrides import _steps
+
+# --- Entries of a scene that a master may set before initialization: parameters of the unit -----
+
+
+#: Tables that decide the mesh or the files.
+OF_THE_BUILD = (
+    "blank", "plies", "layup", "element", "output", "fmu", "mapping", "infiltration",
+)  # fmt: skip
+
+#: Always parameters, where the scene has tools.
+FRICTION = "contact.friction"
+
+
+class SceneParameter(NamedTuple):
+    """A parameter of the unit and the entry of the scene behind it.
+
+    key : dotted. unit : in which scenes read the entry, empty for a number.
+    """
+
+    variable: Variable
+    key: str
+    unit: str
+
+    def override(self, value: float) -> str:
+        """Return the text that sets the entry in a scene."""
+        return f'{self.key}="{value!r} {self.unit}"' if self.unit else f"{self.key}={value!r}"
+
+
+def scene_parameters(scene: Scene) -> tuple[SceneParameter, ...]:
+    """Return the parameters of the unit of a scene.
+
+    Raises
+    ------
+    InputError : the scene marks an entry that is no number, does not exist, or decides the mesh.
+    """
+    marked = [] if scene.fmu is None else list(scene.fmu.parameters)
+    keys = [FRICTION] if scene.tools and FRICTION not in marked else []
+    return tuple(_parameter(scene, key) for key in dict.fromkeys([*keys, *marked]))
+
+
+def overrides(parameters: Iterable[SceneParameter], values: dict[str, float]) -> list[str]:
+    """Return the overrides for the parameters whose values differ from those of the scene."""
+    return [
+        parameter.override(values[parameter.variable.name])
+        for parameter in parameters
+        if values[parameter.variable.name] != parameter.variable.start
+    ]
+
+
+def _parameter(scene: Scene, key: str) -> SceneParameter:
+    if re.split(r"[.\[]", key)[0] in OF_THE_BUILD:
+        raise InputError(
+            f'"{key}" cannot be a parameter of the unit: it decides the mesh or the files; set it '
+            "when the unit is built (--set)",
+            key="fmu.parameters",
+        )
+    value, entry = _entry(scene, key)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InputError(
+            f'"{key}" cannot be a parameter of the unit: it is {value!r}, not one number that the '
+            "scene gives",
+            key="fmu.parameters",
+        )
+    unit = entry.dimension.unit if isinstance(entry, Quantity) else ""
+    fmi_unit = unit.replace("^", "").replace("*", ".") or "1"
+    variable = Variable(
+        ".".join(quoted(str(step)) for step in _steps(key)),
+        Kind.REAL,
+        "parameter",
+        "fixed",
+        f"entry {key} of the scene" + ("" if fmi_unit in UNITS else f" in {unit}"),
+        fmi_unit if fmi_unit in UNITS else None,
+        # pressures of a material are moduli
+        "Modulus" if fmi_unit == "Pa" and key.startswith("material.") else None,
+        start=float(value),
+    )
+    return SceneParameter(variable, key, unit)
+
+
+def _entry(scene: Scene, key: str) -> tuple[Any, Any]:
+    """Return the value of a scene's entry, and what its type says of it."""
+    node: Any = scene
+    entry: Any = None
+    for step in _steps(key):
+        if isinstance(node, tuple):
+            node = _named(node, step, key)
+            continue
+        if not isinstance(node, BaseModel) or step not in type(node).model_fields:
+            raise InputError(f'the scene has no entry "{key}"', key="fmu.parameters")
+        field = type(node).model_fields[str(step)]
+        entry = next(_of_types((*field.metadata, field.annotation)), None)
+        node = getattr(node, str(step))
+    return node, entry
+
+
+def _named(nodes: tuple[Any, ...], step: str | int, key: str) -> Any:
+    for index, node in enumerate(nodes):
+        if step in (index, str(index), getattr(node, "name", None)):
+            return node
+    raise InputError(f'the scene has no entry "{key}"', key="fmu.parameters")
+
+
+def _of_types(metadata: Iterable[Any]) -> Iterator[Quantity | Number]:
+    for item in metadata:
+        if isinstance(item, (Quantity, Number)):
+            yield item
+        else:
+            yield from _of_types(getattr(item, "__metadata__", ()))
+            yield from _of_types(getattr(item, "__args__", ()) or ())
