@@ -145,7 +145,6 @@ LONG_FILES = (
     "interfaces/test_fields.py",
     "coupling/solids/test_explicit_forming.py",
     "fmu/test_conduct.py",
-    "manual/test_jobs.py",
 )
 
 
