@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -30,6 +31,28 @@ def coarse_pictures():
         fine = style.DPI
         patch.setattr(style, "DPI", 60)
         yield fine
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_by_two():
+    """Let runs in this process compile alone: the workers of the tests have the cores already.
+
+    A second process takes two seconds to begin. Commands in processes of their own start it as
+    ever. Returns a context in which runs of this process do so too.
+    """
+    from lcmchain import compile_beside
+
+    cores = compile_beside._cores
+
+    @contextmanager
+    def by_two():
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(compile_beside, "_cores", cores)
+            yield
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compile_beside, "_cores", lambda: 1)
+        yield by_two
 
 
 @pytest.fixture
@@ -122,7 +145,6 @@ LONG_FILES = (
     "interfaces/test_fields.py",
     "coupling/solids/test_explicit_forming.py",
     "fmu/test_conduct.py",
-    "manual/test_jobs.py",
 )
 
 

@@ -191,11 +191,15 @@ def test_supports_move_over_the_time_of_the_process():
             ),
         ]
 
-    # the punch is far from the sheet
+    # the punch is far from the sheet; it turns, as tools do in the loop that this one is then
+    stroke = 'type = "stroke", direction = [0, 0, -1], distance = "6 mm"'
+    turn = 'type = "turn", axis = [0, 0, 1], point = ["0 mm", "0 mm", "0 mm"], angle = "5 deg"'
     text = scene_from_text(
         SCENE.format(
             process='time = "5 ms", mass_damping = "2000 1/s", frames = 3', motion="", more=""
-        ).replace("0 0 1.004 mm", "0 0 20 mm")
+        )
+        .replace("0 0 1.004 mm", "0 0 20 mm")
+        .replace(stroke, turn)
     )
     impulse = {}
     for pace in (1.0, 0.5):

@@ -78,13 +78,15 @@ def ply(name, shift=(0.0, 0.0, 0.0), **entries):
 def wrapped(name, radius, turn=np.inf, **entries):
     """A ply around the y axis; ``radius`` of its mid-surface [m], its upper face inside.
 
-    turn : angle [rad] around which it goes, half to either side; what is left goes on straight.
+    turn : angle [rad] around which it goes, half to either side; what is left goes on straight, up
+        to a radius of 200 m: flat elements beside curved ones take a loop of their own.
     """
     flat = ply(name, **entries)
     mesh = flat.mesh
 
     def angle(x):
-        return np.clip(x / radius, -0.5 * turn, 0.5 * turn)
+        around = np.clip(x / radius, -0.5 * turn, 0.5 * turn)
+        return around + (x - radius * around) / 200.0
 
     def turned(x, vectors):
         a = angle(x)

@@ -13,10 +13,17 @@ def nodes_of(body):
     return slice(body.first_node, body.first_node + body.mesh.node_count)
 
 
-def thrown(heights, speeds):
-    """Plies of 16 elements above each other at heights [mm]; their speeds upwards [m/s]."""
+def thrown(heights, speeds, weights=None):
+    """Plies of 16 elements above each other at heights [mm]; their speeds upwards [m/s].
+
+    weights : of the plies over that of MD600.
+    """
     fastest = max(abs(speed) for speed in speeds)
     plies = [ply(f"ply {i}", z=height) for i, height in enumerate(heights)]
+    for body, weight in zip(plies, weights or (), strict=False):
+        body.material.areal_mass *= weight
+        body.material.density *= weight
+        body.material.fibre_density *= weight
     sim = stack(plies, scene_of(time=max(heights) / fastest + 1.0), ALL, Interface())
     velocity = np.zeros_like(sim.state.velocity)
     for body, speed in zip(sim.model.bodies, speeds, strict=True):
@@ -54,3 +61,18 @@ def test_plies_that_fly_together_are_stopped_by_one_that_is_apart():
     assert (np.diff(heights) > 0.9e-3 * T).all()
     assert (np.diff(speeds) > -2.0).all()
     assert sum(speeds) == pytest.approx(-40.0, abs=1e-7)
+
+
+def test_a_light_ply_stays_between_two_that_are_a_hundred_times_as_heavy():
+    """They hit it from both sides: no impact feeds energy, and the momentum of all stays."""
+    sim = thrown((0.0, T + 0.1, 2.0 * T + 0.2), (0.5, 0.0, -0.5), weights=(10.0, 0.1, 10.0))
+    start = sim.energy()["external"]
+    mass = sim.model.nodes.mass
+    for time in np.linspace(0.0, sim.model.process_time, 21)[1:]:
+        sim.advance_to(time)
+        lower, light, upper = heights_and_speeds(sim)[0]
+        assert lower < light - 0.9e-3 * T and light < upper - 0.9e-3 * T
+        assert light - 1e-3 * (T + 0.1) == pytest.approx(0.0, abs=0.1e-3 * T)
+        assert sim.energy()["balance_error"] < 5e-3 * start
+    heavy = mass[nodes_of(sim.model.bodies[0])].sum()
+    assert abs((mass * sim.state.velocity[2]).sum()) < 1e-4 * 0.5 * heavy

@@ -6,6 +6,7 @@ import re
 
 import pytest
 
+from lcmchain.check import require_no_initial_overlap
 from lcmchain.manual.contents import read_page
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
@@ -44,13 +45,26 @@ SLOW = {
     "hold the blank by springs in place of a blank holder",
     "form a stack of plies",
     "reinforce a place by a patch",
+    "press a sheet onto a tool by a vacuum bag",
+    "form one place before another, and release the part",
+    "cut holes and darts into the blank",
     "form with a diaphragm",
+    "close two moulds to a gap",
 }
 
 
 def test_there_are_nine_jobs_and_each_scene_is_short():
     assert list(JOBS) == list(SHOWN)
     assert max(text.count("\n") for text in JOBS.values()) <= LONGEST
+
+
+@pytest.mark.parametrize("job", JOBS)
+def test_a_scene_of_the_page_can_be_formed(job):
+    """It is a scene, nothing overlaps at the start, and it has the bodies to begin with."""
+    scene = scene_from_text(JOBS[job]).with_longer_edges(LONGER)
+    simulation = Simulation.from_scene(scene)
+    require_no_initial_overlap(scene, simulation.model.tools)
+    assert all(body.mesh.element_count > 0 for body in simulation.model.bodies)
 
 
 @pytest.mark.parametrize(

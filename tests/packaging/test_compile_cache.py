@@ -12,6 +12,7 @@ import time
 
 import filelock
 import meshio
+import numba
 import numpy as np
 import pytest
 import xarray as xr
@@ -215,6 +216,11 @@ def test_numba_uses_the_folder_of_the_sources(tmp_path):
     assert os.path.isdir(folder)
     late = "import numba, lcmchain; print(numba.config.CACHE_DIR)"
     assert cache_folder_of_new_process(late, XDG_CACHE_HOME=str(tmp_path)) == folder
+
+
+def test_no_file_of_tests_moves_the_cache_of_its_worker():
+    """Else commands that tests start find nothing of what the workers have compiled."""
+    assert numba.config.CACHE_DIR == os.environ["NUMBA_CACHE_DIR"]
 
 
 def test_folder_of_the_user_is_respected(tmp_path):

@@ -7,7 +7,6 @@ import pickle
 
 import numpy as np
 import pytest
-from dead_loads import loaded
 from without_damping_bound import require_blows_up
 
 from lcmchain.check import check_scene
@@ -444,7 +443,7 @@ def test_a_strip_that_is_let_go_keeps_the_curvature_of_the_law():
 
 
 @pytest.mark.slow
-def test_a_strip_under_a_constant_moment_creeps():
+def test_a_strip_under_a_constant_moment_creeps(loaded):
     """Kelvin-Voigt: κ = m/B (1 - exp(-B t/η)), within 0.5 %; what is lost is work less stored."""
     viscosity, stress = 2e6, 400.0
     the_scene = scene(f'bending.viscous_1 = {{ viscosity = "{viscosity} Pa*s" }}', 'time = "80 ms"')

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dead_loads import loaded
 from numpy.polynomial.legendre import leggauss
 from without_damping_bound import require_blows_up
 
@@ -395,7 +394,7 @@ def test_a_held_frame_relaxes():
 
 
 @pytest.mark.slow
-def test_a_sheet_under_a_constant_load_creeps():
+def test_a_sheet_under_a_constant_load_creeps(loaded):
     """Kelvin-Voigt: η γ' = τ cos(γ/2) - s0 sin γ cos γ under dead shear tractions τ."""
     traction, modulus, resistance = 4e4, 1e5, 2e3
     the_scene = scene(

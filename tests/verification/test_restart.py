@@ -56,9 +56,10 @@ def scene_file(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def plain(scene_file, tmp_path_factory):
+def plain(scene_file, tmp_path_factory, compiled_by_two):
     folder = tmp_path_factory.mktemp("plain")
-    run(read_scene(scene_file), folder, threads=2)
+    with compiled_by_two():
+        run(read_scene(scene_file), folder, threads=2)
     return folder
 
 
