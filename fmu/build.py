@@ -23,6 +23,7 @@ from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu import description, description2, description3
 from lcmchain.fmu.documentation import documentation
+from lcmchain.fmu.icons import icon_files
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
 from lcmchain.fmu.part import UnitDefinition
@@ -137,7 +138,8 @@ def write_unit(
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
     ports = terminals_of(definition.variables) if fmi == 3 else []
-    if ports:
+    contents |= icon_files(definition.model_name, unit["part"], fmi, ports)
+    if fmi == 3:
         contents[TERMINALS_FILE] = description.as_bytes(document(ports))
     for path in sorted(resources.rglob("*")):
         if path.is_file():
