@@ -20,6 +20,7 @@ from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_p
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, write_filled
+from lcmchain.coupling.infiltration.unformed_part import part_of_case
 from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
 from lcmchain.coupling.iteration.interface import CoupledPart
 from lcmchain.coupling.precice_adapter.case import (
@@ -69,7 +70,10 @@ def build_part(case: PreciceCase, directory: Path, tell: Tell) -> Simulated:
 
 
 def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell) -> Simulated:
-    formed = read_formed_part(directory / part.source, frame=part.frame)
+    formed = part_of_case(
+        directory / part.source, read_infiltration(directory / part.case).preform,
+        length_unit=part.length_unit, frame=part.frame,
+    )  # fmt: skip
     setup, closure = _set_up(formed, directory / part.case)
     run = FillingRun(setup, None, {}, tell)
     fluid = FillingPart(run.filling)
