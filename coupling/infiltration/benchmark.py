@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import resource
 import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -23,6 +22,7 @@ from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.mesh import FlowMesh
 from lcmchain.coupling.infiltration.preform import Preform
 from lcmchain.coupling.infiltration.sample_meshes import plate
+from lcmchain.memory_use import largest_memory
 
 #: Squares along the side of the plate; each gives two triangles.
 SIDES = (22, 71, 224)
@@ -52,7 +52,7 @@ class FillingTime:
 def measure(side: int) -> FillingTime:
     """Measure one size, in this process."""
     _filling(4).advance(1.0)  # loads and compiles what it needs
-    before = _memory()
+    before = largest_memory()
     start = time.process_time()
     filling = _filling(side)
     setup = time.process_time() - start
@@ -62,7 +62,7 @@ def measure(side: int) -> FillingTime:
         start = time.process_time()
         filling.advance(1e9)
         whole, steps = time.process_time() - start, filling.state.step_count
-    return FillingTime(count, setup, _time_of_step(side), steps, whole, _memory() - before)
+    return FillingTime(count, setup, _time_of_step(side), steps, whole, largest_memory() - before)
 
 
 def _time_of_step(side: int) -> float:
@@ -103,10 +103,6 @@ def _filling(side: int, wet: float = 0.0) -> Filling:
         [Vent("rim", mesh.rim)],
         wetted=np.union1d(rows, gate) if wet else None,
     )
-
-
-def _memory() -> int:
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def run_filling_bench(sides: tuple[int, ...] = SIDES) -> Table:
