@@ -26,6 +26,7 @@ from rich.table import Table
 
 from lcmchain.bench.hemisphere import SCENE
 from lcmchain.fmu.build import build_fmu
+from lcmchain.memory_use import resident_memory
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 
@@ -230,19 +231,11 @@ def _growth(unit: Path) -> int:
     before = 0
     for k in range(FIRST_CYCLES + CYCLES):
         if k == FIRST_CYCLES:
-            before = _memory()
+            before = resident_memory()
         master.start()
         master.slave.doStep(0.0, INTERVAL)
         master.end()
-    return _memory() - before
-
-
-def _memory() -> int:
-    """Resident memory [byte] of this process; 0 where the system does not tell."""
-    statm = Path("/proc/self/statm")
-    if not statm.is_file():
-        return 0
-    return int(statm.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    return resident_memory() - before
 
 
 @contextlib.contextmanager

@@ -29,6 +29,7 @@ from lcmchain.fmu.description import (
     model_description,
     terminals_of,
 )
+from lcmchain.fmu.icons import icon_files
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
 from lcmchain.fmu.part import UnitDefinition
@@ -140,7 +141,8 @@ def write_unit(
         **documentation(definition, EXPORTERS[fmi], metadata.version(EXPORTERS[fmi])),
     }
     ports = terminals_of(definition.variables) if fmi == 3 else []
-    if ports:
+    contents |= icon_files(definition.model_name, unit["part"], fmi, ports)
+    if fmi == 3:
         contents[TERMINALS_FILE] = as_bytes(document(ports))
     for path in sorted(resources.rglob("*")):
         if path.is_file():

@@ -343,6 +343,15 @@ FIELDS = {
 }
 
 
+#: The square of the icon goes from -EXTENT to EXTENT, an eighth of a millimetre each on a screen.
+EXTENT, TO_MM = 100.0, 0.125
+#: Name of the picture of a terminal, and red, green and blue of its connections, by its kind.
+ICON_OF_KIND = {TRANSLATION: "translation", ROTATION: "rotation", PREFORM: "preform"}
+COLOUR_OF_KIND = {TRANSLATION: "34 39 46", ROTATION: "34 39 46", PREFORM: "0 114 178"}
+#: Side of the square of a terminal on an edge of the icon, where there is room for it.
+LARGEST_TERMINAL = 20.0
+
+
 class UnitTerminal(NamedTuple):
     """A terminal: variables by the names of their members."""
 
@@ -396,9 +405,16 @@ def _of_preform(known: dict[str, Variable], port: str) -> list[UnitTerminal]:
 
 
 def document(terminals: Sequence[UnitTerminal]) -> Element:
-    """Return ``terminalsAndIcons.xml``."""
+    """Return ``terminalsAndIcons.xml``: tools on the left edge of the icon, fields on the right."""
     root = Element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"})
+    graphics = SubElement(root, "GraphicalRepresentation")
+    corners = {"x1": f"{-EXTENT}", "y1": f"{-EXTENT}", "x2": f"{EXTENT}", "y2": f"{EXTENT}"}
+    SubElement(graphics, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": f"{TO_MM}"})
+    SubElement(graphics, "Icon", corners)
+    if not terminals:
+        return root
     listed = SubElement(root, "Terminals")
+    places = _places(terminals)
     for terminal in terminals:
         element = SubElement(
             listed, "Terminal",
@@ -408,7 +424,27 @@ def document(terminals: Sequence[UnitTerminal]) -> Element:
         for member, variable in terminal.members.items():
             about = {"variableName": variable, "memberName": member, "variableKind": SIGNAL}
             SubElement(element, "TerminalMemberVariable", about)
+        look = {
+            "iconBaseName": ICON_OF_KIND[terminal.kind],
+            "defaultConnectionColor": COLOUR_OF_KIND[terminal.kind],
+            "defaultConnectionStrokeSize": "1.0",
+        }
+        SubElement(element, "TerminalGraphicalRepresentation", {**places[terminal.name], **look})
     return root
+
+
+def _places(terminals: Sequence[UnitTerminal]) -> dict[str, dict[str, str]]:
+    """Return the corners of every terminal, evenly from the top of its edge on."""
+    found = {}
+    for of_fields, x in ((False, -EXTENT), (True, EXTENT)):
+        side = [t.name for t in terminals if (t.kind == PREFORM) == of_fields]
+        pitch = 2.0 * EXTENT / (len(side) + 1)
+        half = 0.5 * min(LARGEST_TERMINAL, 0.8 * pitch)
+        for row, name in enumerate(side, 1):
+            y = EXTENT - row * pitch
+            corners = {"x1": x - half, "y1": y - half, "x2": x + half, "y2": y + half}
+            found[name] = {key: f"{value:.6g}" for key, value in corners.items()}
+    return found
 
 
 # --- documentation inside a unit: what it is, its variables, and what it needs --------------------

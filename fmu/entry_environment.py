@@ -65,7 +65,7 @@ def _end_once(library: str) -> None:
     """
     import ctypes
 
-    if library in _ended:
+    if library in _ended or sys.platform != "linux":
         return
     _ended.add(library)
     try:
@@ -91,4 +91,6 @@ def _give_back_interrupts() -> None:
     import signal
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        ctypes.CDLL(None).signal(int(signal.SIGINT), None)
+        # on Windows a process has no handle for all its libraries: the one of C that Python uses
+        library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)
+        library.signal(int(signal.SIGINT), None)

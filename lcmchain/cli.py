@@ -22,6 +22,7 @@ from lcmchain.commands.fmu_infiltration import (
     Motion,
     NeedsTool,
     Source,
+    SourceUnit,
     build_infiltration,
     interface_of,
 )
@@ -280,6 +281,7 @@ def fmu_build(
     ] = False,
     interface: Interface = "0",
     source: Source = None,
+    length_unit: SourceUnit = "m",
     motion: Motion = "thickness",
     name: EntryName = None,
     needs_tool: NeedsTool = True,
@@ -291,7 +293,7 @@ def fmu_build(
         build_infiltration(
             scene, out, source, fmi=fmi, fields=names,
             interface=interface_of(interface, part), motion=motion,
-            name=name, needs_tool=needs_tool, overrides=overrides or (),
+            name=name, needs_tool=needs_tool, length_unit=length_unit, overrides=overrides or (),
         )  # fmt: skip
         say(f"Wrote {out}")
         return

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import importlib.util
 import multiprocessing
-import resource
 import statistics
 import time
 from collections.abc import Callable
@@ -18,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from rich.table import Table
+
+from lcmchain.memory_use import largest_memory
 
 REPETITIONS = 5
 RADIUS = 0.1
@@ -101,7 +102,7 @@ def measure(program: str, side: int) -> MappingTime:
     source, target = dome(side), dome(side, TURN)
     triangles = np.concatenate([target[1][:, [0, 1, 2]], target[1][:, [0, 2, 3]]])
     given, exact = means(*source), means(target[0], triangles)
-    before = _memory()
+    before = largest_memory()
     times, found = [], np.zeros(0)
     for _ in range(REPETITIONS):
         *durations, found = run(side, (*source, target[0], triangles, given))
@@ -112,14 +113,10 @@ def measure(program: str, side: int) -> MappingTime:
     difference = np.where(found < 1e100, found - exact, 0.0)
     error = float(np.sqrt(np.sum(areas * difference**2) / np.sum(areas * exact**2)))
     weights, first, following = (statistics.median(column) for column in zip(*times, strict=True))
-    memory = _memory() - before
+    memory = largest_memory() - before
     return MappingTime(
         program, len(source[1]), len(triangles), weights, first, following, memory, error
     )
-
-
-def _memory() -> int:
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _own(program: str) -> Callable:

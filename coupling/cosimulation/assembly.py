@@ -22,6 +22,7 @@ from lcmchain.coupling.cosimulation.scheme import (
 )
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.stopping import StopRequests
+from lcmchain.coupling.cosimulation.structural_parameters import configure, without_values
 from lcmchain.coupling.cosimulation.system_file import System, UnitEntry
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.iteration import CoupledSystem
@@ -104,6 +105,7 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
         connections = with_variables(system, descriptions).connections
         links = [resolve(entry, parts, remarks) for entry in connections]
         _require_single(links)
+        _tell_lost_values(parts, settings, links, remarks)
         for part, values in zip(parts.values(), settings):
             _set_up(part, values, system)
         loops = initialise(list(parts.values()), links)
@@ -183,6 +185,7 @@ def _loaded(
     place, sha256 = unpacked[key]
     description = read_description(place, file)
     with_declared_units(entry.name, description, entry.quantities, system.measures)
+    description, configuration = configure(entry.name, description, entry.start)
     remarks += [f'unit "{entry.name}": {text}' for text in description.remarks]
     if description.needs_tool:
         remarks.append(
@@ -202,6 +205,7 @@ def _loaded(
     except CallFailed as failure:
         raise SimulationError(f'unit "{name}" is lost: {failure}') from failure
     part = FmuPart(name, file, sha256, description, instance, system.start_time, apart=apart)
+    part.configuration = configuration
     part.spent.instantiation = clock.perf_counter() - begin
     return part
 
@@ -232,7 +236,28 @@ def _changed(link: Link) -> str:
     return f"connection {link.name}: {units}, {change.factor:g} v + {change.offset:g}"
 
 
+def _tell_lost_values(
+    parts: dict[str, FmuPart], settings: list, links: list[Link], remarks: list[str]
+) -> None:
+    """Tell of arrays that have another size than in the unit as exported, and no values."""
+    for part, values in zip(parts.values(), settings):
+        known = {variable.name for variable, _ in values}
+        known |= {link.input.name for link in links if link.target is part}
+        told = without_values(part.description, part.configuration, known)
+        remarks += [f'unit "{part.name}": {text}' for text in told]
+
+
 def _set_up(part: FmuPart, values: list, system: System) -> None:
+    wanted = part.configuration.settings
+    try:
+        if wanted:
+            part.instance.configure(wanted)
+    except CallFailed as failure:
+        told = ", ".join(f"{variable.name} = {given[0]}" for variable, given in wanted)
+        raise SimulationError(
+            f'unit "{part.name}" does not take its structural parameters ({told}): {failure}; '
+            "leave them out, or export the unit with these values"
+        ) from failure
     try:
         part.instance.set_up(system.start_time, system.stop_time, system.unit_tolerance)
         for variable, given in values:

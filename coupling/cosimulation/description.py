@@ -24,7 +24,7 @@ from lcmchain.coupling.cosimulation.physical_units import (
 )
 from lcmchain.coupling.cosimulation.structured_fields import with_fields
 from lcmchain.coupling.cosimulation.terminals import Terminal, read_terminals
-from lcmchain.coupling.cosimulation.variable import LEFT_OUT, TEXT, Variable
+from lcmchain.coupling.cosimulation.variable import LEFT_OUT, STRUCTURAL, TEXT, Variable
 from lcmchain.errors import InputError, shortened
 
 MODEL_DESCRIPTION = "modelDescription.xml"
@@ -124,9 +124,9 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
     major = int(version[0])
     units = _units(parsed)
     defined = {name: unit for name, unit in units.items() if unit is not None}
-    relative = _relative_names(root)
+    relative, limits = _relative_names(root), _structural_limits(root)
     scalars = [
-        _variable(entry, major, units, relative, remarks)
+        _variable(entry, major, units, relative, limits, remarks)
         for entry in parsed.modelVariables
         if entry.type not in LEFT_OUT and entry.causality != "independent"
     ]
@@ -239,6 +239,7 @@ def _variable(
     major: int,
     units: dict[str, PhysicalUnit | None],
     relative: frozenset[str],
+    limits: dict[str, tuple[float | None, float | None]],
     remarks: list[str],
 ) -> Variable:
     kind = entry.type
@@ -275,7 +276,31 @@ def _variable(
         unit,
         entry.name in relative or bool(declared is not None and declared.relativeQuantity),
         entry.description or "",
+        tuple(_dimension(dimension) for dimension in entry.dimensions),
+        limits.get(entry.name, (None, None)),
     )
+
+
+def _dimension(dimension: Any) -> int | str:
+    """Return the size of a dimension, or the name of the variable that holds it."""
+    return int(dimension.start) if dimension.start is not None else str(dimension.variable.name)
+
+
+def _structural_limits(root: Any) -> dict[str, tuple[float | None, float | None]]:
+    """Return least and largest values of structural parameters, which fmpy does not read."""
+    return {
+        entry.get("name"): (_limit(entry.get("min")), _limit(entry.get("max")))
+        for entry in root.find("ModelVariables") or ()
+        if entry.get("causality") == STRUCTURAL
+    }
+
+
+def _limit(text: str | None) -> float | None:
+    """Return a limit as a number; one that is none limits nothing."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
 
 
 def _dependencies(unknowns: Sequence[Any], owner: dict[str, str]) -> dict[str, frozenset[str]]:

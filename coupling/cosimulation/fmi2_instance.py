@@ -6,6 +6,7 @@ import ctypes
 import functools
 import itertools
 import weakref
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -78,6 +79,9 @@ class Fmi2Instance(LibraryCalls):
             names = (ctypes.c_char_p * len(wanted))(*(name.encode() for name in wanted))
             with suppress(CallFailed):
                 self.call("SetDebugLogging", True, len(wanted), names)
+
+    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+        """FMI 2.0 has no structural parameters, so that there is nothing to set."""
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
         given = tolerance is not None

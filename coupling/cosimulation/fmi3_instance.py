@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
+from typing import Any
 
 from lcmchain.coupling.cosimulation.instance import CallFailed, EndRequested
 from lcmchain.coupling.cosimulation.library_calls import (
@@ -27,6 +29,12 @@ class Fmi3Instance(LibraryCalls):
             )
         except Exception:
             raise no_instance(self.name, self._last_words) from None
+
+    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+        self.call("EnterConfigurationMode")
+        for variable, values in settings:
+            self.write(variable, values)
+        self.call("ExitConfigurationMode")
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
         self._experiment = (tolerance is not None, tolerance or 0.0, start, True, stop)

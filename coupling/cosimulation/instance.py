@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -40,6 +40,9 @@ class EndRequested(SimulationError):
 
 class Instance(Protocol):
     """An instance of a unit. Every call raises CallFailed where the unit answers with an error."""
+
+    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+        """Set structural parameters (n,) in the configuration mode, before all else (FMI 3.0)."""
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
         """Tell the experiment, before the initialisation."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
+from lcmchain.coupling.cosimulation.structural_parameters import Configuration
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.interface import Fields
@@ -77,6 +78,7 @@ class FmuPart:
     time : begin [s].
     apart : whether the unit is in a process of its own.
     given : the numbers that its inputs were given last, by their names.
+    configuration : structural parameters that are set before its initialisation.
     """
 
     name: str
@@ -91,6 +93,7 @@ class FmuPart:
     wants_end: bool = False
     apart: bool = False
     given: Fields = field(default_factory=dict)
+    configuration: Configuration = field(default_factory=Configuration)
 
     def advance(self, step: float) -> None:
         """Do one communication step.

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +41,7 @@ _START = (
 
 _DURING = {
     "make": "while it was loaded and instantiated",
+    "configure": "while its structural parameters were set",
     "set_up": "while its experiment was set up",
     "enter_initialization": "in its initialisation",
     "exit_initialization": "in its initialisation",
@@ -222,6 +223,9 @@ class ProcessInstance:
         return UnitLost(self._lost)
 
     # --- the instance -----------------------------------------------------------------------------
+
+    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+        self._ask("configure", [(self._number(variable), values) for variable, values in settings])
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
         self._ask("set_up", start, stop, tolerance)

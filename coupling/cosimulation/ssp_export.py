@@ -8,7 +8,7 @@ import tempfile
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -31,16 +31,17 @@ from lcmchain.coupling.cosimulation.ssp_names import (
     VALUES,
 )
 from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
+from lcmchain.coupling.cosimulation.structural_parameters import Configuration, configure
 from lcmchain.coupling.cosimulation.system_file import System
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+from lcmchain.coupling.cosimulation.variable import STRUCTURAL, TRUTHS, Variable
 from lcmchain.errors import InputError
 
 #: Versions that are written, the default first.
 Version = Literal["1.0", "2.0"]
 VERSIONS: tuple[Version, ...] = get_args(Version)
 
-_KINDS = ("input", "output", "parameter", "calculatedParameter")
+_KINDS = ("input", "output", "parameter", "calculatedParameter", STRUCTURAL)
 
 
 def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
@@ -63,19 +64,28 @@ def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
         units = _units(system, Path(folder))
         # the standard has no place for a connection of terminals
-        system = with_variables(system, {name: unit[2] for name, unit in units.items()})
+        system = with_variables(system, {name: unit.description for name, unit in units.items()})
         root = _document(system, units, version)
         with replacing(target) as path, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr(
                 STRUCTURE_FILE, ElementTree.tostring(root, "utf-8", xml_declaration=True)
             )
-            for file, name in {file: name for file, name, _ in units.values()}.items():
+            for file, name in {unit.file: unit.source for unit in units.values()}.items():
                 with archive.open(f"resources/{name}", "w") as packed, open(file, "rb") as source:
                     shutil.copyfileobj(source, packed)
 
 
 #: Archive, its name in the resources, and description, by the name of the unit.
-_Units = dict[str, tuple[Path, str, UnitDescription]]
+class _Unit(NamedTuple):
+    """A unit: its archive, its name in the resources, what it is, and what gives it its sizes."""
+
+    file: Path
+    source: str
+    description: UnitDescription
+    configuration: Configuration
+
+
+_Units = dict[str, _Unit]
 
 
 def _units(system: System, folder: Path) -> _Units:
@@ -86,11 +96,13 @@ def _units(system: System, folder: Path) -> _Units:
         place = unpack(file, folder / str(number))
         description = read_description(place, file)
         with_declared_units(entry.name, description, entry.quantities, system.measures)
+        description, configuration = configure(entry.name, description, entry.start)
         content = sha256_of(file)
         name = Path(entry.fmu).name
         if content not in names and name in names.values():
             name = f"{entry.name}.fmu"
-        units[entry.name] = file, names.setdefault(content, name), description
+        place_of = names.setdefault(content, name)
+        units[entry.name] = _Unit(file, place_of, description, configuration)
     return units
 
 
@@ -104,10 +116,11 @@ def _document(system: System, units: _Units, version: Version) -> Element:
     used = _used(system, units)
     measures: dict[str, PhysicalUnit] = {}
     for entry in system.units:
-        _, source, description = units[entry.name]
+        _, source, description, configuration = units[entry.name]
         component = SubElement(elements, f"{SSD}Component", name=entry.name, type=FMU_TYPE)
         component.set("source", f"resources/{source}")
-        values = start_values(entry.name, description, entry.start)
+        _require_sizes_as_exported(entry.name, configuration, version)
+        values = [*configuration.settings, *start_values(entry.name, description, entry.start)]
         connected = {**used[entry.name], **{variable.name: variable for variable, _ in values}}
         writer = _Writer(version, description, measures)
         writer.connectors(component, connected)
@@ -125,13 +138,23 @@ def _document(system: System, units: _Units, version: Version) -> Element:
     return root
 
 
+def _require_sizes_as_exported(unit: str, configuration: Configuration, version: Version) -> None:
+    """Refuse structural parameters in a version that has none."""
+    if configuration.settings and version == "1.0":
+        raise InputError(
+            "is a structural parameter, for which SSP 1.0 has no place; write SSP 2.0 "
+            "(--ssp-version 2.0)",
+            key=f"units.{unit}.start.{configuration.settings[0][0].name}",
+        )
+
+
 def _used(system: System, units: _Units) -> dict[str, dict[str, Variable]]:
     """Return the variables that connections use, by unit."""
     used: dict[str, dict[str, Variable]] = {name: {} for name in units}
     for connection in system.connections:
         source, output, target, taken = connection.ends
         for unit, name in ((source, output), (target, taken)):
-            used[unit][name] = units[unit][2].find(name)
+            used[unit][name] = units[unit].description.find(name)
     return used
 
 
@@ -142,6 +165,10 @@ def _names(variable: Variable, description: UnitDescription) -> list[str]:
     by_reference = {int(e.references[0]): e.name for e in description.elements.values()
                     if e.kind == variable.kind}  # fmt: skip
     return [by_reference[int(reference)] for reference in variable.references]
+
+
+def _names_in(unit: _Unit, name: str) -> list[str]:
+    return _names(unit.description.find(name), unit.description)
 
 
 @dataclass(frozen=True)
@@ -249,8 +276,8 @@ def _connections(structure: Element, system: System, units: _Units) -> None:
     connections = SubElement(structure, f"{SSD}Connections")
     for entry in system.connections:
         source, output, target, taken = entry.ends
-        starts = _names(units[source][2].find(output), units[source][2])
-        ends = _names(units[target][2].find(taken), units[target][2])
+        starts = _names_in(units[source], output)
+        ends = _names_in(units[target], taken)
         if len(starts) != len(ends):  # an array of FMI 3 and the values of a field of FMI 2
             starts, ends = [output], [taken]
         for start, end in zip(starts, ends):

@@ -28,6 +28,7 @@ from lcmchain.coupling.cosimulation.ssp_structure import (
 )
 from lcmchain.coupling.cosimulation.ssp_structure import Path as Place
 from lcmchain.coupling.cosimulation.ssp_values import Given, value_of_text
+from lcmchain.coupling.cosimulation.structural_parameters import configure
 from lcmchain.coupling.cosimulation.system_file import System, system_from
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
@@ -111,9 +112,11 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     data |= _experiment(root, structure)
     if "window" not in kept:
         kept["window"] = _window(root, data, structure)
+    starts = _starts(structure, descriptions)
+    for place, start in starts.items():
+        descriptions[place], _ = configure(names[place], descriptions[place], start)
     _require_sizes(structure, descriptions)
     links = _links(structure, names, descriptions)
-    starts = _starts(structure, descriptions)
     data["connections"] = [
         link if table == {"link": link} else table for link, table in links.items()
     ]
@@ -246,8 +249,16 @@ def _require_sizes(structure: Structure, descriptions: dict[Place, UnitDescripti
         if math.prod(found) != variable.size:
             raise InputError(
                 f"the connector {node_text((place, name))} is an array of {stated}, but the "
-                f"variable of its unit has {variable.size} values; export the unit with that size"
+                f"variable of its unit has {variable.size} values; {_remedy(variable)}"
             )
+
+
+def _remedy(variable: Variable) -> str:
+    """Return how an array can get another size."""
+    owners = [owner for owner in variable.dimensions if isinstance(owner, str)]
+    if owners:
+        return f"give {', '.join(owners)} of the unit, which hold its size, other values"
+    return "export the unit with that size"
 
 
 def _size_in(description: UnitDescription, owner: str) -> int:
@@ -357,21 +368,8 @@ def _starts(
         for place, name in known:
             variable = descriptions[place].find(name)
             values = [_start(given, text, node, variable) for text in given.texts]
-            if variable.causality == "structuralParameter":
-                _require_as_exported(node, variable, values)
-            else:
-                starts[place][name] = values if given.is_array else values[0]
+            starts[place][name] = values if given.is_array else values[0]
     return starts
-
-
-def _require_as_exported(node: Node, variable: Variable, values: list[Any]) -> None:
-    """Refuse a structural parameter that would change the sizes of a unit."""
-    own = " ".join(variable.start)
-    if [str(value) for value in values] != list(variable.start):
-        raise InputError(
-            f"the structural parameter {node_text(node)} is to be {values[0]}, but its unit is "
-            f"exported with {own}, and sizes cannot be changed here; export the unit with it"
-        )
 
 
 def _start(given: Given, text: str, node: Node, variable: Variable) -> Any:

@@ -18,7 +18,7 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_name,
     value_of,
 )
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+from lcmchain.coupling.cosimulation.variable import STRUCTURAL, TRUTHS, Variable
 from lcmchain.errors import InputError, shortened
 
 
@@ -26,6 +26,8 @@ def start_values(
     unit: str, description: UnitDescription, given: Mapping[str, Any]
 ) -> list[tuple[Variable, Any]]:
     """Return variables and their values (n,) in the unit's own types and units of measurement.
+
+    Structural parameters, which :func:`.structural_parameters.configure` reads, are left out.
 
     Raises
     ------
@@ -39,8 +41,9 @@ def start_values(
             variable = description.find(name)
         except InputError as error:
             raise InputError(error.message, key=key) from None
-        _require_settable(variable, key)
-        found.append((variable, _values(variable, value, description.units, key)))
+        if variable.causality != STRUCTURAL:
+            _require_settable(variable, key)
+            found.append((variable, values_of(variable, value, description.units, key)))
     return found
 
 
@@ -75,12 +78,6 @@ def with_declared_units(
 
 
 def _require_settable(variable: Variable, key: str) -> None:
-    if variable.causality == "structuralParameter":
-        raise InputError(
-            "is a structural parameter, which changes the sizes of fields; these cannot be set "
-            "here, export the unit with the sizes that are needed",
-            key=key,
-        )
     settable = variable.causality in ("parameter", "input") or (
         variable.variability != "constant" and variable.initial in ("exact", "approx")
     )
@@ -94,12 +91,24 @@ def _require_settable(variable: Variable, key: str) -> None:
 _Known = Mapping[str, PhysicalUnit]
 
 
-def _values(variable: Variable, value: Any, known: _Known, key: str) -> NDArray[Any]:
+def values_of(variable: Variable, value: Any, known: _Known, key: str) -> NDArray[Any]:
+    """Return the values (n,) of a variable in its own type and unit of measurement.
+
+    Parameters
+    ----------
+    value : as the file of a system has it; one for all, or a list.
+
+    Raises
+    ------
+    InputError : another number of values, or one that does not fit.
+    """
     listed = isinstance(value, (list, tuple))
     if listed and len(value) != variable.size:
+        owners = [owner for owner in variable.dimensions if isinstance(owner, str)]
+        sizes = f" (its size is given by {', '.join(owners)})" if owners else ""
         raise InputError(
-            f"has {len(value)} values, but the variable has {variable.size}; give that many, or "
-            "one for all",
+            f"has {len(value)} values, but the variable has {variable.size}{sizes}; give that "
+            "many, or one for all",
             key=key,
         )
     entries = [_value(variable, entry, known, key) for entry in (value if listed else [value])]

@@ -12,8 +12,9 @@ from xml.etree.ElementTree import Element
 from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.errors import InputError, shortened
 
-#: Where a unit describes its terminals.
-TERMINALS_FILE = "terminalsAndIcons/terminalsAndIcons.xml"
+#: Where a unit of FMI 3.0 keeps its icons, and describes them and its terminals.
+ICONS_FOLDER = "terminalsAndIcons"
+TERMINALS_FILE = f"{ICONS_FOLDER}/terminalsAndIcons.xml"
 #: How the members of two terminals are matched: by their names all of them, by their names what
 #: there is, by their places.
 PLUG, BUS, SEQUENCE = "plug", "bus", "sequence"

@@ -103,6 +103,8 @@ class _Server:
             number, variable = arguments
             self._variables[number] = variable
             return None
+        if operation == "configure":
+            return instance.configure([(self._variables[n], values) for n, values in arguments[0]])
         if operation == "read":
             return instance.read(self._variables[arguments[0]])
         if operation == "write":

@@ -19,6 +19,8 @@ MEMORY = {
 REALS = ("Real", "Float64", "Float32")
 TEXT = "String"
 TRUTHS = ("Boolean", "Boolean2")
+#: Causality of what gives arrays their sizes (FMI 3.0).
+STRUCTURAL = "structuralParameter"
 #: Types that nothing is exchanged of.
 LEFT_OUT = ("Binary", "Clock")
 
@@ -35,6 +37,8 @@ class Variable:
     size : number of its values. is_field : whether it is an array.
     start : texts of the start values, empty where there are none.
     unit : None where the description states none; ``relative``: it measures differences.
+    dimensions : of an array of FMI 3.0: numbers, and names of variables that hold them.
+    limits : least and largest value of a structural parameter, None where there is no limit.
     """
 
     name: str
@@ -49,6 +53,8 @@ class Variable:
     unit: PhysicalUnit | None = None
     relative: bool = False
     description: str = ""
+    dimensions: tuple[int | str, ...] = ()
+    limits: tuple[float | None, float | None] = (None, None)
 
     @property
     def is_real(self) -> bool:

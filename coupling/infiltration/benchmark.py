@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import resource
 import statistics
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -21,6 +20,7 @@ from rich.table import Table
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
+from lcmchain.memory_use import largest_memory
 
 #: Squares along the side of the plate; each gives two triangles.
 SIDES = (22, 71, 224)
@@ -50,7 +50,7 @@ class FillingTime:
 def measure(side: int) -> FillingTime:
     """Measure one size, in this process."""
     _filling(4).advance(1.0)  # loads and compiles what it needs
-    before = _memory()
+    before = largest_memory()
     start = time.process_time()
     filling = _filling(side)
     setup = time.process_time() - start
@@ -60,7 +60,7 @@ def measure(side: int) -> FillingTime:
         start = time.process_time()
         filling.advance(1e9)
         whole, steps = time.process_time() - start, filling.state.step_count
-    return FillingTime(count, setup, _time_of_step(side), steps, whole, _memory() - before)
+    return FillingTime(count, setup, _time_of_step(side), steps, whole, largest_memory() - before)
 
 
 def _time_of_step(side: int) -> float:
@@ -111,10 +111,6 @@ def _plate(side: int) -> FlowMesh:
     corners = (node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:])
     squares = np.stack([corner.ravel() for corner in corners], axis=1)
     return FlowMesh(points, np.concatenate([squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]]))
-
-
-def _memory() -> int:
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def run_filling_bench(sides: tuple[int, ...] = SIDES) -> Table:

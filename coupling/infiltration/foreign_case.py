@@ -15,8 +15,17 @@ from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
+from lcmchain.coupling.infiltration.foreign_ports import (
+    PORTS_FILE,
+    PORTS_PART,
+    Port,
+    Ports,
+    decimal_of,
+    on_mesh,
+    read_ports,
+)
 from lcmchain.errors import InputError
-from lcmchain.mapping.target import read_target
+from lcmchain.mapping.target import TargetMesh, read_target
 
 BASE, INLET, PATCH, OUTLET, IGNORED = "base", "inlet", "patch", "outlet", "ignored"
 # What numbers of the input file mean.
@@ -59,7 +68,7 @@ class Layer:
 class Zone:
     """A set or part of the mesh: what it is, and its textile, None where it has that of all.
 
-    number : in the file. place : name of the set or part in the mesh.
+    number : in the file. place : name of the set or part in the mesh. port : where it is instead.
     """
 
     name: str
@@ -67,6 +76,12 @@ class Zone:
     number: int
     textile: Textile | None
     place: str = ""
+    port: Port | None = None
+
+    @property
+    def in_words(self) -> str:
+        """Where it is, for the terminal."""
+        return self.place if self.port is None else self.port.in_words
 
 
 @dataclass(frozen=True)
@@ -91,18 +106,22 @@ class ForeignCase:
     layer: Layer | None = None
 
 
-def read_rtmsim(path: Path | str, mesh: Path | None = None) -> ForeignCase:
+def read_rtmsim(
+    path: Path | str, mesh: Path | None = None, ports: Path | None = None
+) -> ForeignCase:
     """Read the input file of RTMsim, or of LCMsim in its first version.
 
     Parameters
     ----------
     mesh : mesh file in place of the one that it names, which is looked for beside the input file
         and beside its folder.
+    ports : file of the ports that were picked with the mouse (:mod:`.foreign_ports`), which RTMsim
+        keeps in a file of its own.
 
     Raises
     ------
-    InputError : another file, numbers that are none, a mesh that is not there, or an inlet or a
-        preform whose set the mesh does not have; names the line.
+    InputError : another file, ports that it does not ask for, numbers that are none, a mesh that is
+        not there, or an inlet or a preform whose set the mesh does not have; names the line.
     """
     path = Path(path)
     lines = _entries(path)
@@ -125,8 +144,25 @@ def read_rtmsim(path: Path | str, mesh: Path | None = None) -> ForeignCase:
         )
     if _whole(lines, 11, 0, path):
         told.append(f"i_restart = 1 of {' '.join(lines[11][1:])}: the cavity begins empty")
-    if _whole(lines, 12, 0, path):
-        told.append("i_interactive = 1: ports that were picked with the mouse are not in the file")
+    interactive = _whole(lines, 12, 0, path)
+    given = None if ports is None else read_ports(ports)
+    if given is None and interactive:
+        told.append(
+            f"i_interactive = {interactive}: ports that were picked with the mouse are not in the "
+            "file; give them with --ports"
+        )
+    if given is not None and not interactive:
+        raise InputError(
+            "has i_interactive = 0, with which there are no ports; leave --ports out, or take 1 "
+            "(ports alone) or 2 (ports and sets)",
+            file=path,
+        )
+    if given is not None and _row(lines, 12, 2, path)[1] != given.radius:
+        told.append(f"r_p = {lines[12][1]}: the radius of {given.file.name} counts, {given.radius}")
+    if given is not None and interactive == 1:
+        told.append(f"{' '.join(lines[10][:_SETS])} (patchtype): with i_interactive = 1 there are "
+                    "no sets, but the ports alone")  # fmt: skip
+        kinds = [IGNORED] * _SETS
     zones = [
         Zone(f"set{k + 1}", str(kind), k + 1, textiles[k + 1] if kind == PATCH else None)
         for k, kind in enumerate(kinds) if kind != IGNORED
@@ -134,21 +170,27 @@ def read_rtmsim(path: Path | str, mesh: Path | None = None) -> ForeignCase:
     densities = lines[4][2:4]
     case = ForeignCase(
         "RTMsim", path, _mesh_of(path, " ".join(lines[1]), mesh), textiles[0], tuple(zones),
-        fluid[3], _decimal(densities[1], "line 5", path) if len(densities) == 2 else None,
+        fluid[3], decimal_of(densities[1], "line 5", path) if len(densities) == 2 else None,
         pressures[0], pressures[1], _row(lines, 2, 1, path)[0], _whole(lines, 13, 0, path) + 1,
         tuple(told),
     )  # fmt: skip
-    return _on_mesh(case, first_set=1)
+    return _on_mesh(case, first_set=1, ports=given)
 
 
 def read_lcmsim(
-    parts: Path | str, parameters: Path | str, mesh: Path | str, time: Decimal
+    parts: Path | str,
+    parameters: Path | str,
+    mesh: Path | str,
+    time: Decimal,
+    ports: Path | None = None,
 ) -> ForeignCase:
     """Read the tables of LCMsim from its second version on.
 
     Parameters
     ----------
     parts : table of the parts. parameters : of the simulation. time : at which it ends [s].
+    ports : file of the ports that were picked with the mouse; without it that beside the mesh
+        (``_pset.csv``) counts where the table has part 6, which they are.
 
     Raises
     ------
@@ -164,7 +206,7 @@ def read_lcmsim(
         axis = [row.get(f"refdir{k}", row.get(f"refdir_{k}")) for k in (1, 2, 3)]
         values = [_cell(row, name, where, path) for name in
                   ("thickness", "porosity", "permeability", "alpha")]  # fmt: skip
-        values += [_decimal(text or "", f"{where}, refdir", path) for text in axis]
+        values += [decimal_of(text or "", f"{where}, refdir", path) for text in axis]
         textile = _textile(values, where, path)
         kind, name = row.get("type", ""), row["name"]
         told += _part_told(row)
@@ -180,6 +222,8 @@ def read_lcmsim(
         raise InputError("has no part of the type base", file=path)
     layer, not_taken = _layer(rows, path)
     told += not_taken
+    given, ignored = _ports_beside(Path(mesh), zones, ports)
+    told += ignored
     (values_of,) = _table(file)[:1] or ({},)
 
     def value(name: str) -> Decimal:
@@ -192,7 +236,22 @@ def read_lcmsim(
         "LCMsim", path, _existing(Path(mesh)), base, tuple(zones), value("mu_resin"), density,
         value("p_a"), value("p_init"), time, None, tuple(dict.fromkeys(told)), layer,
     )  # fmt: skip
-    return _on_mesh(case, first_set=_BASE_ID + 1)
+    return _on_mesh(case, first_set=_BASE_ID + 1, ports=given)
+
+
+def _ports_beside(
+    mesh: Path, zones: list[Zone], given: Path | None
+) -> tuple[Ports | None, list[str]]:
+    """Return the ports of a case of LCMsim, or why those beside its mesh are left out."""
+    if given is not None:
+        return read_ports(given), []
+    beside = mesh.parent / PORTS_FILE
+    if not beside.is_file():
+        return None, []
+    if all(zone.number != PORTS_PART for zone in zones):
+        return None, [f"{PORTS_FILE} beside the mesh: the table has no part {PORTS_PART}, which "
+                      "its ports are; give it with --ports to take them for inlets"]  # fmt: skip
+    return read_ports(beside), []
 
 
 def case_text(case: ForeignCase) -> str:
@@ -214,14 +273,20 @@ def case_text(case: ForeignCase) -> str:
     ]  # fmt: skip
     if case.layer is not None:
         lines += ["", "[flow_medium]", *_layer_lines(case.layer, case.zones)]
+    own = {zone.textile for zone in case.zones} - {base, None}
     for zone in case.zones:
-        place = [f'name = "{zone.name}"', f'set = "{zone.place}"']
+        name, port = f'name = "{zone.name}"', zone.port
+        of_set = [f'set = "{zone.place}"']
+        opening = of_set if port is None else port.gate_lines
         if zone.kind == INLET:
-            lines += ["", "[[gates]]", *place, f'pressure = "{case.gate_pressure} Pa"']
+            lines += ["", "[[gates]]", name, *opening, f'pressure = "{case.gate_pressure} Pa"']
         elif zone.kind == OUTLET:
-            lines += ["", "[[vents]]", *place, "except_gates = true"]
-        if zone.textile is not None and zone.textile != base:
-            lines += ["", "[[regions]]", *place, *_textile_lines(zone.textile, "own_permeability")]
+            lines += ["", "[[vents]]", name, *opening, "except_gates = true"]
+        # the cells of a port are no more those of the region around it
+        if zone.textile in own or (port is not None and zone.textile is not None and own):
+            assert zone.textile is not None
+            lines += ["", "[[regions]]", name, *(of_set if port is None else port.cell_lines),
+                      *_textile_lines(zone.textile, "own_permeability")]  # fmt: skip
     if not any(zone.kind == OUTLET for zone in case.zones):
         lines += ["", "[[vents]]", 'name = "rim"', "rim = true", "except_gates = true"]
     return "\n".join(lines) + "\n"
@@ -251,8 +316,8 @@ def _textile_lines(textile: Textile, key: str, layer: Layer | None = None) -> li
 # --- the mesh -------------------------------------------------------------------------------------
 
 
-def _on_mesh(case: ForeignCase, *, first_set: int) -> ForeignCase:
-    """Name the sets or parts of the mesh that the zones are.
+def _on_mesh(case: ForeignCase, *, first_set: int, ports: Ports | None) -> ForeignCase:
+    """Name the sets or parts of the mesh that the zones are, and find its ports.
 
     first_set : number in the file of the first set of a mesh without parts of these numbers.
     """
@@ -265,6 +330,8 @@ def _on_mesh(case: ForeignCase, *, first_set: int) -> ForeignCase:
             place = named
         elif 0 <= at < len(sets):
             place = sets[at]
+        elif ports is not None and zone.number == PORTS_PART:
+            continue  # the ports alone
         else:
             there = ", ".join([*target.parts, *sets]) or "none"
             raise InputError(
@@ -273,12 +340,24 @@ def _on_mesh(case: ForeignCase, *, first_set: int) -> ForeignCase:
                 file=case.mesh,
             )
         zones.append(replace(zone, place=place))
+    if ports is not None:  # last, since their cells are part 6 whatever they were before
+        zones += _port_zones(case, ports, target)
     if not any(zone.kind == INLET for zone in zones):
         raise InputError(
             "names no inlet, so that no resin would flow; give a set or part that type",
             file=case.file,
         )
     return replace(case, zones=tuple(zones))
+
+
+def _port_zones(case: ForeignCase, ports: Ports, target: TargetMesh) -> list[Zone]:
+    """Return a zone for each port: of part 6 of a table, else an inlet in the textile of all."""
+    of_table = [z for z in case.zones if case.program == "LCMsim" and z.number == PORTS_PART]
+    like = of_table[0] if of_table else Zone("port", INLET, PORTS_PART, None)
+    found = on_mesh(ports, target, widens=case.program == "RTMsim")
+    return [
+        replace(like, name=f"{like.name}_{k}", port=port) for k, port in enumerate(found, start=1)
+    ]
 
 
 def _mesh_of(path: Path, name: str, mesh: Path | None) -> Path:
@@ -318,7 +397,7 @@ def _layer(rows: list[dict[str, str]], path: Path) -> tuple[Layer | None, list[s
     if any(not row.get(name) for row in have for name in columns) or None in through:
         return None, [f"{what}: all three and permeability_Z are needed of every part; {slower}"]
     values = {tuple(_cell(row, name, row["name"], path) for name in columns) for row in have}
-    of_preform = {_decimal(text or "", "permeability_Z", path) for text in through}
+    of_preform = {decimal_of(text or "", "permeability_Z", path) for text in through}
     everywhere = len(have) == len(rows)
     if len(values) > 1 or len(of_preform) > 1:
         return None, [f"{what}: they differ from part to part, and a case has one layer; {slower}"]
@@ -388,21 +467,11 @@ def _row(lines: list[list[str]], line: int, count: int, path: Path) -> list[Deci
         raise InputError(
             f"line {line + 1} has {len(lines[line])} entries; {count} are needed", file=path
         )
-    return [_decimal(text, f"line {line + 1}", path) for text in lines[line][:count]]
+    return [decimal_of(text, f"line {line + 1}", path) for text in lines[line][:count]]
 
 
 def _whole(lines: list[list[str]], line: int, place: int, path: Path) -> int:
     return int(_row(lines, line, place + 1, path)[place])
-
-
-def _decimal(text: str, where: str, path: Path) -> Decimal:
-    try:
-        value = Decimal(text)
-    except InvalidOperation:
-        raise InputError(f'{where}: "{text}" is not a number', file=path) from None
-    if not value.is_finite():
-        raise InputError(f'{where}: "{text}" is not a finite number', file=path)
-    return value
 
 
 def _textile(values: list[Decimal], where: str, path: Path) -> Textile:
@@ -434,4 +503,4 @@ def _table(path: Path) -> list[dict[str, str]]:
 def _cell(row: dict[str, str], name: str, where: str, path: Path) -> Decimal:
     if name not in row:
         raise InputError(f"has no column {name}", file=path)
-    return _decimal(row[name], f"{where}, {name}", path)
+    return decimal_of(row[name], f"{where}, {name}", path)

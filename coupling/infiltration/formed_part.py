@@ -380,6 +380,43 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
     return with_own_permeability(part, preform.permeability, np.arange(count))
 
 
+def part_of_case(
+    path: Path | str,
+    preform: Preform | None,
+    *,
+    length_unit: str = "m",
+    frame: int = -1,
+    allow_incomplete: bool = False,
+) -> FormedPart:
+    """Return what a case fills: the mesh of its preform, or a part that was formed.
+
+    Parameters
+    ----------
+    path : mesh file, or forming result or mapped file (:func:`.formed_part.read_formed_part`).
+    preform : of the case; None where its part was formed.
+    length_unit : of the coordinates of a mesh. frame, allow_incomplete : of a part that was formed.
+
+    Raises
+    ------
+    InputError : the file cannot be read, or there is a frame of a mesh, or a unit of a result.
+    """
+    if preform is None:
+        if length_unit != "m":
+            raise InputError(
+                "is of a mesh that was not formed; a result is in metres: leave it out, or give "
+                "[preform] in the case",
+                key="length_unit",
+            )
+        return read_formed_part(path, frame=frame, allow_incomplete=allow_incomplete)
+    if frame != -1:
+        raise InputError(
+            f"is {frame}, but a mesh that was not formed has no frames; leave it out", key="frame"
+        )
+    if not Path(path).is_file():
+        raise InputError("there is no such file", file=path)
+    return unformed_part(path, preform, length_unit=length_unit)
+
+
 def require_origin(part: FormedPart, preform: Preform | None) -> None:
     """Refuse the preform of a case for a part that was formed.
 

@@ -68,7 +68,8 @@ class FillingReport:
     def save(self, path: Path | str) -> None:
         """Write as JSON, complete or not at all."""
         with replacing(path) as temporary:
-            temporary.write_text(json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
+            text = json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n"
+            temporary.write_text(text, encoding="utf-8")
 
     def summary(self) -> str:
         """One sentence for the terminal."""

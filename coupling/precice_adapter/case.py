@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from lcmchain.coupling.precice_adapter.adapter import Read, Write
 from lcmchain.errors import InputError
-from lcmchain.quantities.entry_types import FROM_FILE, Pressure, wrong
+from lcmchain.quantities.entry_types import FROM_FILE, LengthUnit, Pressure, wrong
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.boundaries import Closure
 from lcmchain.scene.reading.read import parse_toml, read_text
@@ -19,7 +19,8 @@ from lcmchain.scene.reading.read import parse_toml, read_text
 class InfiltrationPart(SceneModel):
     """Resin in a formed part, whose volume the other side changes.
 
-    A closure of the case says at which thickness and pressures it begins; what presses from then on
+    ``source`` is the mesh, in ``length_unit``, where the case has a preform that was not formed. A
+    closure of the case says at which thickness and pressures it begins; what presses from then on
     is the other side's.
     """
 
@@ -27,6 +28,7 @@ class InfiltrationPart(SceneModel):
     source: str
     case: str
     frame: int = -1
+    length_unit: Annotated[str, LengthUnit()] = "m"
 
 
 class CompactionPart(SceneModel):

@@ -16,7 +16,7 @@ from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.infiltration.files import FILLING_FIELDS
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh
-from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part
+from lcmchain.coupling.infiltration.formed_part import FormedPart, part_of_case, read_formed_part
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.infiltration.stage import FillingRun, FillOptions, Tell, write_filled
 from lcmchain.coupling.iteration.consolidation import Column, FluidColumn, SolidColumn
@@ -68,7 +68,10 @@ def build_part(case: PreciceCase, directory: Path, tell: Tell) -> Simulated:
 
 
 def _infiltration(part: InfiltrationPart, directory: Path, name: str, tell: Tell) -> Simulated:
-    formed = read_formed_part(directory / part.source, frame=part.frame)
+    formed = part_of_case(
+        directory / part.source, read_infiltration(directory / part.case).preform,
+        length_unit=part.length_unit, frame=part.frame,
+    )  # fmt: skip
     setup, closure = _set_up(formed, directory / part.case)
     run = FillingRun(setup, None, {}, tell)
     fluid = FillingPart(run.filling)

@@ -152,7 +152,7 @@ def measured(
     folder = out / name.replace(" ", "_")
     kept = folder / "measures.json"
     if kept.exists():
-        return json.loads(kept.read_text())
+        return json.loads(kept.read_text(encoding="utf-8"))
     path = EXAMPLES / case.scene / "scene.toml"
     unchanged = read_scene(path, case.overrides(case.own))
     twice = {
@@ -165,7 +165,7 @@ def measured(
     except SimulationError as error:  # a guard that stops a coarse mesh is a result too
         return str(error).split(". Likely")[0]
     values = measures(result)
-    kept.write_text(json.dumps(values))
+    kept.write_text(json.dumps(values), encoding="utf-8")
     print(f"{name}: {values}", flush=True)
     return values
 

@@ -188,7 +188,7 @@ def main() -> None:
     part = read_formed_part(forming)
     found = {name: fill(change(part), case) for name, change in VARIANTS.items()}
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "table.md").write_text(table(found))
+    (arguments.out / "table.md").write_text(table(found), encoding="utf-8")
     draw(arguments.out / "comparison.png", found)
     print(table(found))
 

@@ -110,7 +110,7 @@ def result(case: str, slower: float, out: Path) -> dict[str, Any]:
     with xr.open_dataset(folder / "forming.nc", engine="netcdf4") as sheet:
         last = sheet.isel(time=-1)
         fields = {name: last[name].values for name in ("shear_angle", "thickness")}
-    return {"summary": summary, "not_good": json.loads(kept.read_text()), **fields}
+    return {"summary": summary, "not_good": json.loads(kept.read_text(encoding="utf-8")), **fields}
 
 
 def not_good(done: Any, scene: Any) -> list[str]:

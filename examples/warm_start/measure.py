@@ -49,7 +49,7 @@ def time_to_first_step(scene: Path, environment: dict[str, str]) -> float:
             cwd=folder,  # and not a checkout, whose folders Python would take for the package
             env={**environment, STARTED: repr(time.time())},
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
             check=True,
         )
     return float(result.stdout.split()[-1])

@@ -95,7 +95,7 @@ def _broken(root: Element, folder: Path, unit: Path) -> tuple[Broken, ...]:
     terminals = None
     if path.is_file() and root.get("fmiVersion", "").startswith("3"):
         terminals = read_xml(path.read_bytes(), f"{unit}: {TERMINALS_FILE}")
-    return tuple(broken_rules(root, terminals))
+    return tuple(broken_rules(root, terminals, folder))
 
 
 def findings_of(description: Description, *, is_python: bool) -> Iterator[Finding]:

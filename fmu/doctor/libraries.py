@@ -110,7 +110,9 @@ def _cached() -> dict[str, list[Path]]:
     """Return the libraries of the linker's cache by name."""
     for program in ("ldconfig", "/sbin/ldconfig", "/usr/sbin/ldconfig"):
         try:
-            done = subprocess.run([program, "-p"], capture_output=True, text=True, check=True)
+            done = subprocess.run(
+                [program, "-p"], capture_output=True, encoding="utf-8", errors="replace", check=True
+            )
         except (OSError, subprocess.CalledProcessError):
             continue
         places: dict[str, list[Path]] = {}

@@ -380,7 +380,8 @@ def ask_interpreter(
         with tempfile.TemporaryDirectory() as empty:
             done = subprocess.run(
                 [str(Path(found).absolute()), "-c", _PROBE, asked],
-                capture_output=True, text=True, timeout=60, cwd=empty,
+                capture_output=True, encoding="utf-8", errors="replace", timeout=60,
+                cwd=empty,
             )  # fmt: skip
         answer = json.loads(done.stdout)
     except (OSError, subprocess.TimeoutExpired, ValueError) as error:

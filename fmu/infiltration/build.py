@@ -13,7 +13,11 @@ from typing import Any
 import numpy as np
 
 from lcmchain.coupling.cosimulation.archive import read_member
-from lcmchain.coupling.infiltration.formed_part import FormedPart, read_formed_part, write_part
+from lcmchain.coupling.infiltration.formed_part import (
+    FormedPart,
+    part_of_case,
+    write_part,
+)
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
 from lcmchain.coupling.wet_forming.sheet import blank_of_scene
 from lcmchain.errors import InputError
@@ -45,6 +49,7 @@ class InfiltrationUnit:
     frame : saved state of a forming result, from 0; -1 is the last one.
     allow_incomplete : take fields of a forming run that was stopped.
     needs_tool : whether the unit says that it needs an installed tool (``needsExecutionTool``).
+    length_unit : of the coordinates of a mesh that was not formed.
     """
 
     motion: Motion = "thickness"
@@ -54,6 +59,7 @@ class InfiltrationUnit:
     frame: int = -1
     allow_incomplete: bool = False
     needs_tool: bool = True
+    length_unit: str = "m"
 
 
 def build_infiltration_fmu(
@@ -71,8 +77,9 @@ def build_infiltration_fmu(
 
     Parameters
     ----------
-    source : forming result, of which the sheet's own faces are filled, or mapped file; None for the
-        blank of a scene whose infiltration goes on while the blank is formed.
+    source : forming result, of which the sheet's own faces are filled, or mapped file; of a case
+        with ``preform`` the mesh that was not formed; None for the blank of a scene whose
+        infiltration goes on while the blank is formed.
     case : file with resin, gates and vents, or a scene with infiltrations.
     out_path : the unit, ``*.fmu``; replaced only once the new one is complete.
     fmi : version of the standard. overrides : ``key=value`` texts for the case or scene.
@@ -92,9 +99,10 @@ def build_infiltration_fmu(
         if source is None:
             part = blank_of_scene(read_scene(case, overrides))
         else:
-            part = read_formed_part(
-                source, frame=options.frame, allow_incomplete=options.allow_incomplete
-            )
+            part = part_of_case(
+                source, the_case.preform, length_unit=options.length_unit, frame=options.frame,
+                allow_incomplete=options.allow_incomplete,
+            )  # fmt: skip
         setup = set_up(part, the_case, Path(case).resolve().parent)
         interface = _interface(setup, options.interface, resources)
         write_part(resources / PART_FOLDER, _without_path(part))

@@ -86,7 +86,8 @@ def count_operations() -> Operations:
             [sys.executable, "-P", "-m", __name__],
             env={**os.environ, **NO_VECTORS, "NUMBA_CACHE_DIR": folder},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
+            errors="replace",
         )
     try:
         found = Operations(*json.loads(done.stdout))

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from lcmchain.commands.folders import default_out, output_folder
+from lcmchain.commands.terminal import length_of
 from lcmchain.errors import InputError
 
 Interface = Annotated[
@@ -25,9 +26,14 @@ Source = Annotated[
     typer.Option(
         "--source",
         metavar="SOURCE.nc",
-        help="Infiltration: forming.nc of a run or a mapped file; default that of the scene's run, "
-        "or the blank where it is filled while it is formed.",
+        help="Infiltration: forming.nc of a run, a mapped file, or of a case with preform its "
+        "unformed mesh; default that of the scene's run, or the blank where it is filled while "
+        "it is formed.",
     ),
+]
+SourceUnit = Annotated[
+    str,
+    typer.Option("--length-unit", metavar="UNIT", help="Infiltration: unit of an unformed mesh."),
 ]
 Motion = Annotated[
     str,
@@ -73,15 +79,17 @@ def build_infiltration(
     motion: str,
     name: str | None,
     needs_tool: bool,
+    length_unit: str,
     overrides: Sequence[str],
 ) -> None:
     """Build a unit that fills a formed part as a scene or a case says."""
+    length_of("--length-unit", f"1 {length_unit}")
     if source is None and not _flows_while_formed(case, overrides):
         source = default_out(case) / "forming.nc"
     if source is not None and not source.is_file():
         raise InputError(
             f"there is no forming result; form it first with: lcmchain run {case}, or name a "
-            "forming.nc or a mapped file with --source",
+            "forming.nc, a mapped file or, of a case with preform, its mesh with --source",
             file=source,
         )
     if out.suffix != ".fmu":
@@ -92,6 +100,7 @@ def build_infiltration(
         options = InfiltrationUnit(
             motion=motion,  # type: ignore[arg-type]  # checked there
             interface=interface, fields=fields, name=name, needs_tool=needs_tool,
+            length_unit=length_unit,
         )  # fmt: skip
         build_infiltration_fmu(source, case, out, fmi=fmi, overrides=overrides, options=options)
 

@@ -13,6 +13,14 @@ from lcmchain.errors import InputError
 
 import_app = typer.Typer(no_args_is_help=True, help="Take over a filling case of RTMsim or LCMsim.")
 
+PortsFile = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.csv",
+        help="Ports that were picked with the mouse: a radius, then x,y,z in each line, in metres; "
+        "of LCMsim default _pset.csv beside the mesh.",
+    ),
+]
 CaseFile = Annotated[Path, typer.Option("--out", metavar="FILE.toml", help="Case that is written.")]
 
 
@@ -24,13 +32,14 @@ def import_rtmsim(
     mesh: Annotated[
         Path | None, typer.Option(metavar="MESH", help="Mesh; default the one that it names.")
     ] = None,
+    ports: PortsFile = None,
     out: CaseFile = Path("case.toml"),
 ) -> None:
     """Input file of RTMsim: mesh, preform and sets, inlets, pressures, viscosity."""
     from lcmchain.coupling.infiltration.foreign_case import read_rtmsim
 
     _require_file(source)
-    _write(read_rtmsim(source, mesh), out, [source, mesh])
+    _write(read_rtmsim(source, mesh, ports), out, [source, mesh, ports])
 
 
 @import_app.command("lcmsim")
@@ -41,6 +50,7 @@ def import_lcmsim(
     parameters: Annotated[Path, typer.Option(metavar="FILE.csv", help="Simulation parameters.")],
     mesh: Annotated[Path, typer.Option(metavar="MESH", help="Mesh with these parts.")],
     time: Annotated[str, typer.Option(metavar="TIME", help="At which the filling ends.")],
+    ports: PortsFile = None,
     out: CaseFile = Path("case.toml"),
 ) -> None:
     """Tables of LCMsim: parts with their properties, inlets, outlets, and parameters."""
@@ -52,7 +62,8 @@ def import_lcmsim(
     for file in (parts, parameters):
         _require_file(file)
     seconds = Decimal(repr(quantity("--time", time, TIME)))
-    _write(read_lcmsim(parts, parameters, mesh, seconds), out, [parts, parameters, mesh])
+    case = read_lcmsim(parts, parameters, mesh, seconds, ports)
+    _write(case, out, [parts, parameters, mesh, ports])
 
 
 def _require_file(path: Path) -> None:
@@ -70,7 +81,7 @@ def _write(case: Any, out: Path, inputs: list[Path | None]) -> None:
     with output_folder(out.parent, inputs=[*inputs, case.mesh]), replacing(out) as temporary:
         temporary.write_text(text, encoding="utf-8")
     for zone in case.zones:
-        say(f'{zone.kind} "{zone.name}": {zone.place} of {case.mesh.name}')
+        say(f'{zone.kind} "{zone.name}": {zone.in_words} of {case.mesh.name}')
     for told in case.told:
         warn(f"not taken over: {told}")
     say(f"Wrote {out}. Fill with: lcmchain fill {case.mesh} --case {out}")

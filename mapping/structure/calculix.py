@@ -148,7 +148,7 @@ def _reason(errors: list[str], code: int) -> str:
         return f"CalculiX failed: {'; '.join(errors)}"
     if code < 0:
         name = signal.Signals(-code).name if -code in set(signal.Signals) else str(-code)
-        hint = "; it may need more memory" if -code in (signal.SIGKILL, signal.SIGSEGV) else ""
+        hint = "; it may need more memory" if name in ("SIGKILL", "SIGSEGV") else ""
         return f"CalculiX was ended by {name}{hint}"
     if code:
         return (

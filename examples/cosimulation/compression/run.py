@@ -8,6 +8,7 @@ that both agree with each other and with squeeze flow, p = mu h' L² / (2 K h).
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def main() -> None:
         build_infiltration_fmu(
             None, scene, folder / "resin.fmu", fmi=3, options=InfiltrationUnit(motion="volume")
         )
-        (folder / "system.toml").write_text((HERE / "system.toml").read_text())
+        shutil.copy(HERE / "system.toml", folder)
         summary = run_system(read_system(folder / "system.toml"), folder / "out")
         record = folder / "out" / "cosimulation.nc"
         with xr.open_dataset(record, group="resin") as resin:

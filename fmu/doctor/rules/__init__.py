@@ -4,7 +4,7 @@ They are those of VDMCheck (INTO-CPS Association), told from the text of the sta
 more: numbers of start values, lists that are complete, abilities that imply others.
 """
 
-from lcmchain.fmu.doctor.rules import head, structure, terminals, variables
+from lcmchain.fmu.doctor.rules import head, icons, structure, terminals, variables
 from lcmchain.fmu.doctor.rules.rule import RULES, Broken, Rule, broken_rules
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Rule",
     "broken_rules",
     "head",
+    "icons",
     "structure",
     "terminals",
     "variables",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
@@ -94,10 +95,13 @@ class Interface:
     ----------
     root : ``fmiModelDescription`` of FMI 2.0 or 3.0.
     terminals : ``fmiTerminalsAndIcons`` of FMI 3.0, where the unit has it.
+    folder : where the unit is unpacked; None where its files are not looked at.
     """
 
-    def __init__(self, root: Element, terminals: Element | None = None) -> None:
-        self.root, self.terminals = root, terminals
+    def __init__(
+        self, root: Element, terminals: Element | None = None, folder: Path | None = None
+    ) -> None:
+        self.root, self.terminals, self.folder = root, terminals, folder
         self.is_three = root.get("fmiVersion", "").startswith("3")
         self.variables = tuple(
             self._entry(number, element)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -44,11 +45,14 @@ def rule(name: str, asks: str, source: str) -> Callable[[Check], Check]:
     return register
 
 
-def broken_rules(root: Element, terminals: Element | None = None) -> list[Broken]:
+def broken_rules(
+    root: Element, terminals: Element | None = None, folder: Path | None = None
+) -> list[Broken]:
     """Return the rules that a model description of FMI 2.0 or 3.0 breaks; empty if it keeps all.
 
     terminals : what describes the terminals of the unit, if it has them.
+    folder : where the unit is unpacked; without it no pictures are looked at.
     """
-    interface = Interface(root, terminals)
+    interface = Interface(root, terminals, folder)
     found = (Broken(one, tuple(one.check(interface))) for one in RULES.values())
     return [broken for broken in found if broken.how]

@@ -42,7 +42,9 @@ class CalculiX:
     def version(self) -> str | None:
         if shutil.which(self.command) is None:
             return None
-        said = subprocess.run([self.command, "-v"], capture_output=True, text=True).stdout
+        said = subprocess.run(
+            [self.command, "-v"], capture_output=True, encoding="utf-8", errors="replace"
+        ).stdout
         found = re.search(r"Version (\S+)", said)
         return found.group(1) if found else "unknown"
 
@@ -67,7 +69,9 @@ class CalculiX:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
             deck = folder / "plate.inp"
-            deck.write_text(_deck(plate, duration, 1 if every_increment else NEVER))
+            deck.write_text(
+                _deck(plate, duration, 1 if every_increment else NEVER), encoding="utf-8"
+            )
             before, begin = os.times(), time.perf_counter()
             ended = subprocess.run(
                 [self.command, "plate"],
@@ -75,11 +79,12 @@ class CalculiX:
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
             )
             wall, after = time.perf_counter() - begin, os.times()
             printed = folder / "plate.dat"
-            states = _states(printed.read_text()) if printed.exists() else []
+            states = _states(printed.read_text(encoding="utf-8")) if printed.exists() else []
         if ended.returncode != 0 or not states:
             last = " ".join(ended.stdout.split()[-30:])
             raise LcmchainError(f"{self.command} did not compute the plate of the bench: {last}")

@@ -55,7 +55,8 @@ class Kratos:
                 env=os.environ | {"OMP_NUM_THREADS": "1"},
                 cwd=folder,
                 capture_output=True,
-                text=True,
+                encoding="utf-8",
+                errors="replace",
             )
             if ended.returncode != 0 or not found.exists():
                 last = " ".join(ended.stderr.split()[-40:])

@@ -23,6 +23,7 @@ def units(tmp_path_factory) -> Path:
         for version in (2, 3):
             build(model, version, folder)
     build(models.ONE_WAY, 2, folder)
+    build(models.SPACE, 3, folder)
     return folder
 
 

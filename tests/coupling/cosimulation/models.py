@@ -81,6 +81,53 @@ FIELD = Model(
         }}
         return 0;""",
 )
+#: A linear system of any size, as the one among the Reference FMUs: y = C x + D u after steps of
+#: x' = A x + B u by Euler's method, with sizes up to 5, of which its library has room for 4.
+ROOM = 4
+_SIZES = {name: Var(name, "structuralParameter", "size", 3, limits=(0, 5))
+          for name in ("count_u", "count_x", "count_y")}  # fmt: skip
+
+
+def _array(name, causality, *by, start=None):
+    return Var(name, causality, start=start, size=ROOM ** len(by), by=by)
+
+
+SPACE = Model(
+    "Space",
+    [
+        *_SIZES.values(),
+        _array("A", "parameter", "count_x", "count_x", start=1.0),
+        _array("B", "parameter", "count_x", "count_u", start=1.0),
+        _array("C", "parameter", "count_y", "count_x", start=1.0),
+        _array("D", "parameter", "count_y", "count_u", start=1.0),
+        _array("x0", "parameter", "count_x", start=0.0),
+        _array("u_in", "input", "count_u", start=0.0),
+        _array("y", "output", "count_y"),
+        Var("gain", "parameter", start=1.0),
+        _array("x", "local", "count_x", start=0.0),
+        Var("started", "local", start=0.0),
+    ],
+    answer="""
+        if (!started) { for (int i = 0; i < count_x; i++) (x)[i] = (x0)[i]; started = 1; }
+        for (int i = 0; i < count_y; i++) {
+            double sum = 0;
+            for (int j = 0; j < count_x; j++) sum += (C)[i * count_x + j] * (x)[j];
+            for (int j = 0; j < count_u; j++) sum += (D)[i * count_u + j] * (u_in)[j];
+            (y)[i] = sum;
+        }""",
+    advance="""
+        answer(v);
+        double next[8];
+        for (int i = 0; i < count_x; i++) {
+            double sum = 0;
+            for (int j = 0; j < count_x; j++) sum += (A)[i * count_x + j] * (x)[j];
+            for (int j = 0; j < count_u; j++) sum += (B)[i * count_u + j] * (u_in)[j];
+            next[i] = (x)[i] + h * sum;
+        }
+        for (int i = 0; i < count_x; i++) (x)[i] = next[i];
+        return 0;""",
+    extra=f"#define LARGEST {ROOM}",
+)
 #: Temperature in degC out, in K in.
 KETTLE = Model(
     "Kettle",

@@ -1,5 +1,6 @@
 """Builds small units in C for the tests: FMI 2.0 and 3.0 from one list of variables."""
 
+import math
 import subprocess
 import zipfile
 from dataclasses import dataclass, field
@@ -10,10 +11,11 @@ import fmpy
 
 HERE = Path(__file__).parent / "units"
 HEADERS = Path(fmpy.__file__).parent / "c-code"
-MEMBER = {"real": "r", "whole": "i", "truth": "b", "text": "s"}
-FIRST = {"real": 0, "whole": 1000, "truth": 2000, "text": 3000}
+MEMBER = {"real": "r", "whole": "i", "truth": "b", "text": "s", "size": "n"}
+FIRST = {"real": 0, "whole": 1000, "truth": 2000, "text": 3000, "size": 4000}
 TYPES2 = {"real": "Real", "whole": "Integer", "truth": "Boolean", "text": "String"}
-TYPES3 = {"real": "Float64", "whole": "Int32", "truth": "Boolean", "text": "String"}
+TYPES3 = {"real": "Float64", "whole": "Int32", "truth": "Boolean", "text": "String",
+          "size": "UInt64"}  # fmt: skip
 
 #: Units of measurement with their base units.
 UNITS = {
@@ -26,7 +28,11 @@ UNITS = {
 
 @dataclass
 class Var:
-    """A variable of a unit; ``start`` None: an output that the unit computes."""
+    """A variable of a unit; ``start`` None: an output that the unit computes.
+
+    ``by`` (FMI 3.0): names of the structural parameters, of kind ``size`` and listed before, that
+    give an array its sizes; ``size`` is then how many values there is room for.
+    """
 
     name: str
     causality: str = "output"
@@ -36,6 +42,8 @@ class Var:
     size: int | None = None
     needs: tuple[str, ...] | None = ()
     variability: str | None = None
+    by: tuple[str, ...] = ()
+    limits: tuple[int, int] | None = None
 
 
 @dataclass
@@ -71,7 +79,14 @@ def header(model: Model, version: int) -> str:
     sizes_text = f"""#define REALS {counts["real"]}
 #define WHOLES {counts["whole"]}
 #define TRUTHS {counts["truth"]}
-#define TEXTS {counts["text"]}"""
+#define TEXTS {counts["text"]}
+#define NUMBERS {counts["size"]}"""
+    reals = [v for v in model.variables if v.kind == "real"]
+    cases = " ".join(
+        f"case {k}: return {' * '.join(one.replace('.', '_') for one in v.by)};"
+        for k, v in enumerate(reals)
+        if v.by
+    )
     listed = (", ".join(map(str, numbers or [0])) for numbers in (offsets, sizes))
     one, other = listed
     return sizes_text, "\n".join(
@@ -80,6 +95,8 @@ def header(model: Model, version: int) -> str:
             f"static const int OFFSET[] = {{{one}}}, SIZE[] = {{{other}}};",
             *lines,
             model.extra,
+            f"static int size_of(const Values *v, int k) {{ switch (k) {{ {cases} }} "
+            "return SIZE[k]; }",
             f"static void begin(Values *v) {{ {' '.join(starts)} {model.begin} }}",
             f"static void answer(Values *v) {{ {model.answer} }}",
             f"static int advance(Unit *u, Values *v, double t, double h) {{ {model.advance} }}",
@@ -101,10 +118,10 @@ def description(model: Model, version: int) -> str:
     for v in model.variables:
         default = {"parameter": "fixed"}.get(v.causality, "continuous")
         variability = v.variability or ("discrete" if v.kind != "real" else default)
-        if v.causality == "parameter":
+        if v.causality in ("parameter", "structuralParameter"):
             variability = v.variability or "fixed"
         unit = f" unit={quoteattr(v.unit)}" if v.unit else ""
-        exact = v.causality in ("parameter", "input")
+        exact = v.causality in ("parameter", "input", "structuralParameter")
         start = v.start if exact else None
         if v.kind == "truth" and start is not None:
             start = str(bool(start)).lower()
@@ -122,10 +139,19 @@ def description(model: Model, version: int) -> str:
                 counts[v.kind] += 1
             else:
                 kind, inner = TYPES3[v.kind], ""
-                if v.size:
+                sized = {one.name: one for one in model.variables if one.name in v.by}
+                size = math.prod(sized[name].start for name in v.by)
+                if v.by:
+                    inner = "".join(
+                        f'<Dimension valueReference="{references[name]}"/>' for name in v.by
+                    )
+                    start = " ".join([str(start)] * size) if start is not None else None
+                elif v.size:
                     inner = f'<Dimension start="{v.size}"/>'
                     start = " ".join([str(start)] * v.size) if start is not None else None
                 value = "" if start is None else f" start={quoteattr(str(start))}"
+                if v.limits is not None:
+                    value += f' min="{v.limits[0]}" max="{v.limits[1]}"'
                 if v.kind == "text" and start is not None:
                     value, inner = "", f"<Start value={quoteattr(str(start))}/>"
                 rows.append(f"<{kind} {about}{unit}{value}>{inner}</{kind}>")

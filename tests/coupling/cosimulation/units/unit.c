@@ -1,6 +1,7 @@
 /* A unit of FMI 2.0 or 3.0 around the model in model.h, which defines
    REALS, WHOLES, TRUTHS, TEXTS: how many values of each kind there are
    OFFSET, SIZE: FMI 3.0, where the reals of a value reference begin and how many there are
+   NUMBERS, size_of(v, k): FMI 3.0, structural parameters, and how many reals there are with them
    begin(u), answer(u), advance(u, t, h): 0 done, 2 discarded (then u->reached), 3 error */
 #include <stdlib.h>
 #include <string.h>
@@ -20,6 +21,7 @@ typedef struct {
     int i[WHOLES + 1];
     int b[TRUTHS + 1];
     char s[TEXTS + 1][64];
+    unsigned long long n[NUMBERS + 1];
     double reached;
     int end;
 } Values;
@@ -29,10 +31,15 @@ typedef struct {
     void *environment;
     void *logger;
     char name[64];
+    int configuring;
+    int begun;
 } Unit;
 
 static void say(Unit *u, int status, const char *text);
 #include "model.h"
+#ifndef LARGEST
+#define LARGEST 1000
+#endif
 
 #if FMI == 2
 static void say(Unit *u, int status, const char *text) {
@@ -140,14 +147,31 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     return u;
 }
 void fmi3FreeInstance(fmi3Instance c) { free(c); }
-fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean d, fmi3Float64 t, fmi3Float64 a, fmi3Boolean e, fmi3Float64 b) { return fmi3OK; }
+fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean d, fmi3Float64 t, fmi3Float64 a, fmi3Boolean e, fmi3Float64 b) {
+    ((Unit *)c)->begun = 1;
+    return ((Unit *)c)->configuring ? fmi3Error : fmi3OK;
+}
 #define NOTHING(name) fmi3Status fmi3##name(fmi3Instance c) { return fmi3OK; }
 NOTHING(ExitInitializationMode)
 NOTHING(EnterEventMode)
 NOTHING(Terminate)
-NOTHING(EnterConfigurationMode)
-NOTHING(ExitConfigurationMode)
 NOTHING(EnterStepMode)
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance c) {
+    Unit *u = c;
+    if (NUMBERS == 0 || u->begun || u->configuring) {
+        say(u, 3, "there is no configuration mode now");
+        return fmi3Error;
+    }
+    u->configuring = 1;
+    return fmi3OK;
+}
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance c) {
+    Unit *u = c;
+    if (!u->configuring) return fmi3Error;
+    u->configuring = 0;
+    memset(u->v.r, 0, sizeof(u->v.r)); /* the values of arrays that are resized are gone */
+    return fmi3OK;
+}
 fmi3Status fmi3Reset(fmi3Instance c) { begin(&((Unit *)c)->v); return fmi3OK; }
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 x[], size_t m) {
     Unit *u = c;
@@ -155,20 +179,38 @@ fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t 
     answer(&u->v);
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= sizeof(OFFSET) / sizeof(int)) return fmi3Error;
-        if (at + SIZE[vr[k]] > m) return fmi3Error;
-        memcpy(x + at, u->v.r + OFFSET[vr[k]], SIZE[vr[k]] * sizeof(double));
-        at += SIZE[vr[k]];
+        size_t size = size_of(&u->v, vr[k]);
+        if (at + size > m) return fmi3Error;
+        memcpy(x + at, u->v.r + OFFSET[vr[k]], size * sizeof(double));
+        at += size;
     }
-    return fmi3OK;
+    return at == m ? fmi3OK : fmi3Error;
 }
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 x[], size_t m) {
     Unit *u = c;
     size_t at = 0;
     for (size_t k = 0; k < n; k++) {
         if (vr[k] >= sizeof(OFFSET) / sizeof(int)) return fmi3Error;
-        if (at + SIZE[vr[k]] > m) return fmi3Error;
-        memcpy(u->v.r + OFFSET[vr[k]], x + at, SIZE[vr[k]] * sizeof(double));
-        at += SIZE[vr[k]];
+        size_t size = size_of(&u->v, vr[k]);
+        if (at + size > m || u->configuring) return fmi3Error;
+        memcpy(u->v.r + OFFSET[vr[k]], x + at, size * sizeof(double));
+        at += size;
+    }
+    return at == m ? fmi3OK : fmi3Error;
+}
+fmi3Status fmi3GetUInt64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3UInt64 x[], size_t m) {
+    for (size_t k = 0; k < n; k++) x[k] = ((Unit *)c)->v.n[vr[k] - 4000];
+    return fmi3OK;
+}
+fmi3Status fmi3SetUInt64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3UInt64 x[], size_t m) {
+    Unit *u = c;
+    for (size_t k = 0; k < n; k++) {
+        if (!u->configuring) return fmi3Error;
+        if (x[k] > LARGEST) {
+            say(u, 3, "there is no room for that size");
+            return fmi3Error;
+        }
+        u->v.n[vr[k] - 4000] = x[k];
     }
     return fmi3OK;
 }
@@ -204,7 +246,6 @@ NONE(UInt8, fmi3UInt8)
 NONE(Int16, fmi3Int16)
 NONE(UInt16, fmi3UInt16)
 NONE(UInt32, fmi3UInt32)
-NONE(UInt64, fmi3UInt64)
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *s) {
     if (*s == NULL) *s = malloc(sizeof(Values));
     memcpy(*s, &((Unit *)c)->v, sizeof(Values));
