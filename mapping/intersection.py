@@ -16,7 +16,7 @@ from lcmchain.mapping.clipping import WORK, clip
 from lcmchain.mapping.connected import number_layers
 from lcmchain.mapping.surface import Surface
 from lcmchain.mapping.target import CellPolygons
-from lcmchain.mesh.box_tree import STACK, BoxTree, items_in_box, order_along_curve
+from lcmchain.mesh.search import STACK, BoxTree, items_in_box, order_along_curve
 
 # Faces steeper than this against the cell (75.5 degrees) say nothing about it: their projection
 # is a thin strip whose place depends on where the tangent plane was put.

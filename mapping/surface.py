@@ -11,7 +11,7 @@ from lcmchain.mapping.coincidence import places_of
 from lcmchain.mapping.face_geometry import FaceGeometry, face_geometry
 from lcmchain.mapping.gradients import GradientStencil, gradient_stencil
 from lcmchain.mapping.winding import Winding, winding
-from lcmchain.mesh.box_tree import BoxTree, bounding_box, box_tree
+from lcmchain.mesh.search import BoxTree, bounding_box, box_tree
 
 # Nodes closer than this fraction of the mesh's size are the same place: files written face by
 # face (STL) repeat their nodes, and every edge would look like an edge of the sheet.

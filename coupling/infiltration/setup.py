@@ -30,8 +30,7 @@ from lcmchain.coupling.infiltration.unformed_part import (
 )
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mesh.places import Places, place_text
-from lcmchain.mesh.where import NamedPlace, Where
+from lcmchain.mesh.places import NamedPlace, Places, Where, place_text
 from lcmchain.scene import infiltration as scene
 
 

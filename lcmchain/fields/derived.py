@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.materials.law import Material, fibre_angles, tells_fibres
-from lcmchain.mesh.fibres import angle_of_shear, carried, change_of_angle
-from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.mesh.sheet_mesh import SheetMesh, angle_of_shear, carried, change_of_angle
 
 #: Angles of the families of a fabric with fibres along both axes of the ply.
 TWO_ALONG_THE_AXES = (0.0, 0.5 * np.pi)
@@ -23,7 +22,7 @@ def derive_fields(
     positions; capitals: reference) the deformation gradient is F = a_k ⊗ A^k. Every measure is
     taken at the centre, where the element has its strains: a face has the area 4 |a1 × a2| and
     the element the thickness 2 a3·n, n normal to a1 and a2, with what a bent element misses of it
-    on its chord (:func:`lcmchain.mesh.bends.bend_part`).
+    on its chord (:func:`lcmchain.mesh.hexahedron.bend_part`).
 
     Parameters
     ----------

@@ -7,8 +7,9 @@ supports, and the error of the balance, each over the same length. A quasi-stati
 damping and no inertia; their parts are what the force is too high by, as long as they do not change
 the shape.
 
-Elements that are drawn over a radius pass it unevenly (:func:`lcmchain.mesh.bends.largest_ripple`).
-How much the force goes up and down by it around its maximum the histories tell.
+Elements that are drawn over a radius pass it unevenly
+(:func:`lcmchain.mesh.hexahedron.largest_ripple`). How much the force goes up and down by it around
+its maximum the histories tell.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.sheet import edge_length, largest_turn, vector
-from lcmchain.mesh.bends import largest_ripple
+from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.thresholds import LARGEST_RIPPLE
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from lcmchain.fields.sheet import (
     sheet_positions,
 )
 from lcmchain.fields.wrinkles import node_normals
-from lcmchain.mesh.fibre_lines import FibreLines, lines_along
+from lcmchain.mesh.lines import FibreLines, lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.quantities.places import millimetres
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE

@@ -38,7 +38,7 @@ from lcmchain.fields.derived import PAIRS_OF_FAMILIES, derive_fields
 from lcmchain.fields.waves import elements_in_waves
 from lcmchain.fields.wrinkles import clear_distances, closed_faces, faces_of_sheet, node_normals
 from lcmchain.materials.law import Material, fibre_angles, locking_angles
-from lcmchain.mesh.fibre_lines import fibre_lines
+from lcmchain.mesh.lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 from lcmchain.tools.table import ToolTable

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.mesh.plane_cut import cut_edges
+from lcmchain.mesh.lines import cut_edges
 
 # A plane through nodes is moved aside by this part of the sheet's extent.
 ASIDE = 1e-5

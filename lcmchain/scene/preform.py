@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lcmchain.mesh.where import Where
+from lcmchain.mesh.places import Where
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,

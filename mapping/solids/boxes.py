@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.jit import routine
-from lcmchain.mesh.box_tree import STACK, BoxTree, box_tree, items_in_box
+from lcmchain.mesh.search import STACK, BoxTree, box_tree, items_in_box
 
 
 def tree_of(low: np.ndarray, high: np.ndarray) -> BoxTree:

@@ -14,7 +14,7 @@ from lcmchain.mapping.solids.boxes import tree_of
 from lcmchain.mapping.solids.reach import own_reach, upright_reach
 from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, WEDGE, Solids, solids
 from lcmchain.mapping.surface import COINCIDENCE, Surface
-from lcmchain.mesh.box_tree import BoxTree
+from lcmchain.mesh.search import BoxTree
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from lcmchain.jit import strict_equation
 from lcmchain.mapping.solids.boxes import touching, tree_of
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import closest_point_of_triangle
 
 #: Relative change of a ball's radius below which it has come to rest, and steps that it may take.
 AT_REST = 1e-12

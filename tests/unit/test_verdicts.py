@@ -16,7 +16,7 @@ from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.waves import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.triangulation import triangulate
+from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import build_model
 from lcmchain.report.grades import Verdict, percent, worst_grade
 from lcmchain.report.verdicts import verdicts
