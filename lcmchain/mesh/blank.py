@@ -21,9 +21,9 @@ from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import boundary_edges, cell_heights
-from lcmchain.mesh.contours import Contours, contours_of
+from lcmchain.mesh.contours import Contours, Drawn, contours_of
 from lcmchain.mesh.cut import ON_OUTLINE, Cells
-from lcmchain.mesh.drawing import Drawing, Drawn
+from lcmchain.mesh.drawing import Drawing
 from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
 from lcmchain.mesh.lattice import best_lattice, number_by_lines
 from lcmchain.mesh.outline import (

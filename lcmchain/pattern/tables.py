@@ -10,8 +10,13 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.courses import COURSE, JOINT_GAP
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.sheet import (
+    COURSE,
+    JOINT_GAP,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+)
 from lcmchain.mesh.lines import cut_edges, in_order
 from lcmchain.mesh.places import Places
 

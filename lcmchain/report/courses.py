@@ -9,8 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgba
 
-from lcmchain.fields.courses import COURSE, JOINT_GAP, course_names
-from lcmchain.fields.sheet import sheet_faces, sheet_positions
+from lcmchain.fields.sheet import COURSE, JOINT_GAP, course_names, sheet_faces, sheet_positions
 from lcmchain.report.extremes import mark_extremes
 from lcmchain.report.renderer import (
     axes_at,

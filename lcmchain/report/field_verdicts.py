@@ -10,8 +10,8 @@ import numpy as np
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import face_centres, fibre_strains, sheet_areas
 from lcmchain.fields.stack import PLY
-from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.fields.wrinkle_risk import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES
+from lcmchain.fields.wrinkles import area_in_waves_below, elements_per_wave
 from lcmchain.quantities.places import millimetres
 from lcmchain.report.grades import (
     BAD_GRADE,

@@ -9,10 +9,15 @@ from typing import TYPE_CHECKING
 import matplotlib
 import numpy as np
 
-from lcmchain.fields.courses import COURSE, course_names
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import tool_places
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.sheet import (
+    COURSE,
+    course_names,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+)
 from lcmchain.fields.stack import PLY, ply_names, without_films
 from lcmchain.fields.summary import has_forces
 from lcmchain.report.courses import draw_courses, from_far_to_near, lifted

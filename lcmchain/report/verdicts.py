@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.dataset import SHEET
-from lcmchain.fields.hidden_compaction import hidden_text
+from lcmchain.fields.limits import hidden_text
 from lcmchain.fields.loads import snaps_text
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.report.field_verdicts import field_verdicts

@@ -12,9 +12,9 @@ from lcmchain.check.quasi_static import (
     snap_warnings,
 )
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
+from lcmchain.fields.limits import hidden_compaction_warnings
 from lcmchain.fields.summary import field_warnings
-from lcmchain.fields.waves import elements_per_wave, wave_warnings
+from lcmchain.fields.wrinkles import elements_per_wave, wave_warnings
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import build_model
