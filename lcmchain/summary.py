@@ -99,10 +99,10 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
-    from lcmchain.fields.hidden_compaction import hidden_compaction, hidden_compaction_warnings
+    from lcmchain.fields.limits import hidden_compaction, hidden_compaction_warnings
+    from lcmchain.fields.loads import stop_warnings, tool_stops
     from lcmchain.fields.stages import rest_warnings, stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
-    from lcmchain.fields.tool_stops import stop_warnings, tool_stops
 
     model, state = simulation.model, simulation.state
     history = datasets[HISTORY]
@@ -190,7 +190,7 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
 
 def _grippers(history: xr.Dataset) -> dict[str, Any]:
     """Return the loads of the grippers; nothing without any."""
-    from lcmchain.fields.gripper_loads import gripper_loads
+    from lcmchain.fields.loads import gripper_loads
 
     loads = gripper_loads(history)
     return {"gripper_loads": loads} if loads else {}

@@ -28,8 +28,7 @@ from lcmchain.coupling.infiltration.resin import resin_of
 from lcmchain.coupling.infiltration.resin_temperature import temperature_of
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.mesh.places import Places, place_text
-from lcmchain.mesh.where import NamedPlace, Where
+from lcmchain.mesh.places import NamedPlace, Places, Where, place_text
 from lcmchain.scene import infiltration as scene
 
 

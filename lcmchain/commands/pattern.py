@@ -155,7 +155,7 @@ def _tell(found: list[Round], edge_length: float, limit: float | None, folder: P
 
 def _sheet(source: Path, ply: str | None):
     """Open the sheet of a result, or one of its plies."""
-    from lcmchain.fields.netcdf import read_forming, read_group
+    from lcmchain.fields.netcdf_file import read_forming, read_group
     from lcmchain.fields.stack import ply_names, ply_sheet
 
     if source.is_dir():

@@ -19,8 +19,8 @@ from lcmchain.draping.surface import (
 )
 from lcmchain.errors import SimulationError
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.fibres import shear_angles
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
+from lcmchain.mesh.sheet_mesh import shear_angles
 from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import FOLDED

@@ -11,9 +11,9 @@ from lcmchain.draping.joints import joints_of
 from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
-from lcmchain.fields.courses import COURSE, JOINT_GAP
 from lcmchain.fields.dataset import SHEET, SHEET_MESH
 from lcmchain.fields.derived import derive_fields
+from lcmchain.fields.sheet import COURSE, JOINT_GAP
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
 from lcmchain.scene import Scene

@@ -35,7 +35,7 @@ from lcmchain.elements.pressed_elements import (
 )
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, uncounted_routine
-from lcmchain.mesh.where import Where
+from lcmchain.mesh.places import Where
 from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
 from lcmchain.tools.motion.smooth_step import smooth_step

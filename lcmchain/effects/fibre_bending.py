@@ -40,7 +40,7 @@ from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
 from lcmchain.elements.lane_runs import find_runs, vector_of_lanes
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import entry, equation, kernel, span_routine
-from lcmchain.mesh.fibre_lines import fibre_lines
+from lcmchain.mesh.lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.packs import PACK, load, load_three, store_three
 

@@ -30,9 +30,8 @@ from scipy.sparse import coo_array
 from lcmchain.effects.effect import Effect
 from lcmchain.effects.supports import Support, translation
 from lcmchain.errors import InputError
-from lcmchain.mesh.places import Places, place_text
-from lcmchain.mesh.rim import outward, pieces_along
-from lcmchain.mesh.where import NamedPlace
+from lcmchain.mesh.lines import outward, pieces_along
+from lcmchain.mesh.places import NamedPlace, Places, place_text
 from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
     AbsentMeans,

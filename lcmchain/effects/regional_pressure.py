@@ -31,7 +31,7 @@ from lcmchain.elements.pressed_elements import (
 )
 from lcmchain.errors import InputError
 from lcmchain.jit import kernel, routine
-from lcmchain.mesh.area_shares import area_shares
+from lcmchain.mesh.places import area_shares
 from lcmchain.tools.motion.table import tabulated_travel
 
 SIDES = ("bottom", "top")

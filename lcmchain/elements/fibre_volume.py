@@ -13,7 +13,7 @@ import numpy as np
 
 from lcmchain.elements.family import Condition, Unsound
 from lcmchain.materials.law import Material
-from lcmchain.mesh.fibres import shear_angles
+from lcmchain.mesh.sheet_mesh import shear_angles
 
 #: Where an element holds nothing but fibres.
 SOLID_FIBRE = 1.0

@@ -5,11 +5,9 @@ from .dataset import (
     laid_datasets,
     model_datasets,
 )
-from .derived import derive_fields
-from .frames import FrameSeries
-from .histories import Histories
-from .netcdf import read_forming, read_group, write_forming_netcdf
-from .pressure import pressure_fields, tool_pressure
+from .derived import derive_fields, pressure_fields, tool_pressure
+from .frames import FrameSeries, Histories
+from .netcdf_file import read_forming, read_group, write_forming_netcdf
 from .sheet import sheet_areas, sheet_faces, sheet_positions
 from .summary import fibre_mass, field_summary
 from .table import FIELDS, Field

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lcmchain.fields.courses import COURSE
 from lcmchain.fields.sheet import (
+    COURSE,
     reference_positions,
     sheet_areas,
     sheet_faces,

@@ -12,12 +12,15 @@ import numpy as np
 
 from lcmchain.elements.families import family_of
 from lcmchain.fields.between_plies import BetweenPlies
-from lcmchain.fields.derived import TWO_ALONG_THE_AXES, derive_fields
-from lcmchain.fields.frames import FrameSeries
-from lcmchain.fields.histories import Histories
+from lcmchain.fields.derived import (
+    TWO_ALONG_THE_AXES,
+    derive_fields,
+    pressure_fields,
+    tool_pressure,
+)
+from lcmchain.fields.frames import FrameSeries, Histories
 from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
-from lcmchain.fields.pressure import pressure_fields, tool_pressure
 from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
 from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
@@ -69,7 +72,7 @@ class SheetFrames:
 
     positions : (F, node_count, 3) [m].
     history : (F, history_count, element_count), what the law remembers.
-    pressures : face fields of :func:`lcmchain.fields.pressure.pressure_fields`, (F, element_count),
+    pressures : face fields of :func:`lcmchain.fields.derived.pressure_fields`, (F, element_count),
         and that of a fluid.
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
     wrinkle_height : on the nodes of the mid-surface (F, n) [m], or None where no wrinkles are

@@ -1,12 +1,20 @@
-"""Fields that follow from the positions of the nodes: deformation gradient at element centres."""
+"""Fields that follow from the positions of the nodes, and pressures on and in a sheet.
+
+The deformation gradient at the element centres gives angles, strains and thickness. Pressures come
+from the forces of tools, and from those of the elements.
+"""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lcmchain.materials.law import Material, fibre_angles, tells_fibres
-from lcmchain.mesh.fibres import angle_of_shear, carried, change_of_angle
-from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.mesh.sheet_mesh import SheetMesh, angle_of_shear, carried, change_of_angle
+
+if TYPE_CHECKING:
+    from lcmchain.elements.family import Body
 
 #: Angles of the families of a fabric with fibres along both axes of the ply.
 TWO_ALONG_THE_AXES = (0.0, 0.5 * np.pi)
@@ -23,7 +31,7 @@ def derive_fields(
     positions; capitals: reference) the deformation gradient is F = a_k ⊗ A^k. Every measure is
     taken at the centre, where the element has its strains: a face has the area 4 |a1 × a2| and
     the element the thickness 2 a3·n, n normal to a1 and a2, with what a bent element misses of it
-    on its chord (:func:`lcmchain.mesh.bends.bend_part`).
+    on its chord (:func:`lcmchain.mesh.hexahedron.bend_part`).
 
     Parameters
     ----------
@@ -42,7 +50,7 @@ def derive_fields(
     -----
     The fibre volume fraction is conserved volume, v_f = v_f0 / det F. With inextensible fibres
     det F = (t / t0) cos γ, so that shear and compaction both raise it. Pressures follow from
-    forces, not from positions alone (:mod:`lcmchain.fields.pressure`).
+    forces, not from positions alone (:mod:`lcmchain.fields.derived`).
     """
     reference = mesh.initial_base_vectors
     current = mesh.base_vectors(np.asarray(positions, dtype=float))
@@ -142,3 +150,42 @@ def _length_and_direction(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     length = np.linalg.norm(vector, axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
         return length, vector / length[..., None]
+
+
+# --- pressures ------------------------------------------------------------------------------------
+
+
+def pressure_fields(
+    body: Body, positions: np.ndarray, history: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return what presses on every element from outside, and what comes from within.
+
+    Parameters
+    ----------
+    positions : of all nodes of the model (node_count, 3) [m].
+    history : what the body's law remembers, in blocks of elements.
+
+    Returns
+    -------
+    ``compaction_pressure`` and ``bending_pressure`` (element_count,) [Pa]; their sum is the Cauchy
+    pressure λ |S33| A0 / A. Nothing for a sheet without thickness.
+    """
+    found = body.normal_pressure(np.ascontiguousarray(positions.T), history)
+    if found is None:
+        return {}
+    return {
+        "compaction_pressure": found.contact,
+        "bending_pressure": found.total - found.contact,
+    }
+
+
+def tool_pressure(body: Body, positions: np.ndarray, contact_force: np.ndarray) -> np.ndarray:
+    """Return the pressure of the tools on the nodes of a body (mesh.node_count,) [Pa].
+
+    Parameters
+    ----------
+    positions : of all nodes of the model (node_count, 3) [m].
+    contact_force : sum of the normal forces of all tools on each of them (node_count,) [N].
+    """
+    own = slice(body.first_node, body.first_node + body.mesh.node_count)
+    return contact_force[own] / body.present_node_area(np.ascontiguousarray(positions.T))

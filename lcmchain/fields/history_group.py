@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.fields.frames import FrameSeries
-from lcmchain.fields.histories import Histories
+from lcmchain.fields.frames import FrameSeries, Histories
 from lcmchain.fields.table import Field
 from lcmchain.fields.ugrid import TIME, Variable, saved_times
 

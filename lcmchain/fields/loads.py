@@ -1,4 +1,4 @@
-"""What tools press with, and what of it strains the sheet: from the histories of a result.
+"""What tools press with, what of it strains the sheet, what grippers take, what stopped a tool.
 
 The force of a tool along its direction, averaged over a piece of its travel, is its work over the
 length of that piece. The energy balance splits that work exactly: what is stored in or taken by the
@@ -7,24 +7,31 @@ supports, and the error of the balance, each over the same length. A quasi-stati
 damping and no inertia; their parts are what the force is too high by, as long as they do not change
 the shape.
 
-Elements that are drawn over a radius pass it unevenly (:func:`lcmchain.mesh.bends.largest_ripple`).
-How much the force goes up and down by it around its maximum the histories tell.
+Elements that are drawn over a radius pass it unevenly
+(:func:`lcmchain.mesh.hexahedron.largest_ripple`). How much the force goes up and down by it around
+its maximum the histories tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lcmchain.fields.frames import tables_of_tools
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.sheet import edge_length, largest_turn, vector
-from lcmchain.mesh.bends import largest_ripple
+from lcmchain.mesh.hexahedron import largest_ripple
+from lcmchain.state import STOPPED_TIME, STOPPED_TRAVEL
 from lcmchain.thresholds import LARGEST_RIPPLE
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from lcmchain.model import Model
+    from lcmchain.state import State
+
 
 # Interval over which forces are averaged to be quoted, relative to the time of the process, and
 # travel over which their parts are, relative to the stroke: long enough for a single snap or wave
@@ -420,3 +427,73 @@ def exceeded_over(
     order = np.argsort(-ratio, kind="stable")
     gone = np.cumsum(steps[order])
     return float(ratio[order][np.searchsorted(gone, part * gone[-1], side="right")])
+
+
+# --- grippers -------------------------------------------------------------------------------------
+
+
+def gripper_loads(history: xr.Dataset) -> dict[str, dict[str, float]]:
+    """Return the forces of every gripper under the names of ``summary.json``.
+
+    Returns
+    -------
+    For each gripper ``force_max_N``, the largest mean over an interval of the histories, with
+    ``force_max_time_s``, its end; ``force_end_N``, that of the last interval; ``travel_end_m``, how
+    far its place has moved; and ``let_go_s``, when it let go, where it did.
+    """
+    if "gripper" not in history:
+        return {}
+    time = history[SAMPLE].values
+    force = np.linalg.norm(vector(history, "history_gripper_force"), axis=-1)
+    travel = np.linalg.norm(vector(history, "history_gripper_travel"), axis=-1)
+    let_go = history["gripper_let_go"].values
+    loads: dict[str, dict[str, float]] = {}
+    for number, name in enumerate(str(name) for name in history["gripper"].values):
+        top = int(np.argmax(force[:, number]))
+        loads[name] = {
+            "force_max_N": float(force[top, number]),
+            "force_max_time_s": float(time[top]),
+            "force_end_N": float(force[-1, number]),
+            "travel_end_m": float(travel[-1, number]),
+        }
+        if np.isfinite(let_go[number]):
+            loads[name]["let_go_s"] = float(let_go[number])
+    return loads
+
+
+# --- stops and forces that end a stroke -----------------------------------------------------------
+
+
+def tool_stops(model: Model, state: State) -> dict[str, Any]:
+    """Return what ``summary.json`` says of tools that were stopped; nothing where none was.
+
+    Returns
+    -------
+    ``tool_stops``: by the name of the tool a list, in which each entry has ``time_s`` and
+    ``travel_m``, when and where it was stopped first, and in a process with stages the ``stage``.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for tool, name in enumerate(model.tool_names):
+        for number, stopped in enumerate(state.tool_stopped[tool]):
+            if np.isfinite(stopped[STOPPED_TIME]):
+                entry: dict[str, Any] = {"stage": model.stages[number].name} if model.stages else {}
+                entry["time_s"] = float(stopped[STOPPED_TIME])
+                entry["travel_m"] = float(stopped[STOPPED_TRAVEL])
+                found.setdefault(name, []).append(entry)
+    return {"tool_stops": found} if found else {}
+
+
+def stop_warnings(model: Model, state: State) -> Iterator[str]:
+    """Say which strokes went their whole way without the force that was to end them."""
+    for number, tools in enumerate(tables_of_tools(model)):
+        for tool in np.flatnonzero(np.isfinite(tools.until_force)).tolist():
+            over = state.time >= tools.stroke_end[tool] * (1.0 - 1e-12)
+            if over and np.isinf(state.tool_stopped[tool, number, STOPPED_TIME]):
+                name = model.tool_names[tool]
+                stage = f"stages.{model.stages[number].name}.motions.{name}" if model.stages else ""
+                yield (
+                    f"{name} went its whole stroke of {1e3 * abs(tools.stroke_distance[tool]):.4g} "
+                    f"mm, and the sheet never pressed against it with "
+                    f"{tools.until_force[tool]:.4g} N; give a longer distance or a smaller "
+                    f"until_force in {stage or f'tools.{name}.motion'}"
+                )

@@ -1,4 +1,4 @@
-"""netCDF files, written whole or not at all, and by one thread at a time.
+"""netCDF files, written whole or not at all, and by one thread at a time; and ``forming.nc``.
 
 HDF5 is not safe for threads, and masters of co-simulation step their units in parallel ones.
 """
@@ -16,7 +16,7 @@ import xarray as xr
 from xarray.backends import NetCDF4DataStore
 
 from lcmchain.atomic import replacing
-from lcmchain.errors import OutputError
+from lcmchain.errors import InputError, OutputError
 
 ROOT = "/"
 
@@ -96,3 +96,47 @@ def _encoding(dataset: xr.Dataset) -> dict[str, dict]:
             options |= {"zlib": True, "complevel": 4, "shuffle": True}
         encoding[str(name)] = options
     return encoding
+
+
+# --- forming.nc -----------------------------------------------------------------------------------
+
+
+def write_forming_netcdf(path: Path | str, datasets: Mapping[str, xr.Dataset]) -> None:
+    """Write the groups of :func:`lcmchain.fields.dataset.build_datasets`; whole or not at all.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    write_netcdf(path, datasets)
+
+
+def read_forming(path: Path | str) -> xr.Dataset:
+    """Read the formed sheet, the root group of ``forming.nc``, into memory.
+
+    Raises
+    ------
+    InputError : the file is absent or no forming result.
+    """
+    dataset = read_group(path, ROOT)
+    if "sheet_face_nodes" not in dataset:
+        raise InputError("this is no forming result: it has no mesh named sheet", file=path)
+    return dataset
+
+
+def read_group(path: Path | str, group: str) -> xr.Dataset:
+    """Read one group of ``forming.nc`` into memory: ``"/"``, ``"solid"`` or ``"history"``.
+
+    Integers stay integers: the missing node of a triangle is -1.
+
+    Raises
+    ------
+    InputError : the file is absent, not netCDF, or has no such group.
+    """
+    if not Path(path).is_file():
+        raise InputError("the forming result does not exist", file=path)
+    try:
+        with open_netcdf(path, group=group, mask_and_scale=False) as dataset:
+            return dataset.load()
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read the group {group} ({error})", file=path) from None

@@ -158,3 +158,12 @@ def largest_turn(sheet: xr.Dataset, frame: int = -1) -> float:
     shared = (ends[1:] == ends[:-1]).all(axis=1) & (ends[1:, 0] != ends[1:, 1])
     cosine = np.einsum("ni,ni->n", normals[face[1:][shared]], normals[face[:-1][shared]])
     return float(np.arccos(np.clip(cosine.min(initial=1.0), -1.0, 1.0)))
+
+
+#: Variables of the sheet: number of the course of a face, and gap of a node on a joint [m].
+COURSE, JOINT_GAP = "course", "joint_gap"
+
+
+def course_names(sheet: xr.Dataset) -> tuple[str, ...]:
+    """Return the names of the courses of a sheet, by their number; empty without courses."""
+    return tuple(sheet[COURSE].attrs["flag_meanings"].split()) if COURSE in sheet else ()

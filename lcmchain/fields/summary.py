@@ -19,8 +19,8 @@ from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import film_names, plies_of
 from lcmchain.fields.table import NO_THICKNESS
-from lcmchain.fields.waves import wave_warnings
 from lcmchain.fields.wrinkle_risk import EXPECTED, RISK
+from lcmchain.fields.wrinkles import wave_warnings
 from lcmchain.interfaces.in_frames import APART
 from lcmchain.materials.law import Material
 

@@ -16,7 +16,7 @@ Locking. The shear angle over that from which on the law locks, of the pair of f
 nearest; only of laws that state it.
 
 Waves. The least elements that resolve a wave over those of the shortest wave along the fibres there
-(:mod:`lcmchain.fields.waves`): beyond 1 height and length of a wave are those of the mesh.
+(:mod:`lcmchain.fields.wrinkles`): beyond 1 height and length of a wave are those of the mesh.
 
 A sheet that lies on a tool has the tool's shape. Compression and waves count only where a tool is
 farther off than the thickness, of a stack that of all plies, on both faces. Locking counts
@@ -35,10 +35,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import PAIRS_OF_FAMILIES, derive_fields
-from lcmchain.fields.waves import elements_in_waves
-from lcmchain.fields.wrinkles import clear_distances, closed_faces, faces_of_sheet, node_normals
+from lcmchain.fields.wrinkles import (
+    clear_distances,
+    closed_faces,
+    elements_in_waves,
+    faces_of_sheet,
+    node_normals,
+)
 from lcmchain.materials.law import Material, fibre_angles, locking_angles
-from lcmchain.mesh.fibre_lines import fibre_lines
+from lcmchain.mesh.lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 from lcmchain.tools.table import ToolTable

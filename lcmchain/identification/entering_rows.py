@@ -6,7 +6,7 @@ for is applied here to every specimen by itself, in this order: zeros, slip and 
 it is told, and what is left out is drawn.
 
 - **Contact**: rows ahead of it tell the zero of the load. The travel counts from where the line of
-  the first rows behind it meets no load (:mod:`lcmchain.identification.events`).
+  the first rows behind it meets no load (:func:`contact_of`).
 - **Preload**: the first row bears a load already. The travel counts from where the line of the
   first rows meets no load.
 - **Slip**: an elastic specimen is the same at the peak before it and where the load is back, so
@@ -26,15 +26,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.events import (
-    GROWS,
-    LEAST_AHEAD,
-    REACHES,
-    Drop,
-    contact_of,
-    drops_of,
-    met_zero,
-)
+from lcmchain.identification.regression import medians, relative_scatter
 from lcmchain.identification.result import Identification, LeftOut, Points
 from lcmchain.quantities.units import (
     ANGLE,
@@ -44,6 +36,127 @@ from lcmchain.quantities.units import (
     parse_fraction,
     parse_quantity,
 )
+
+# --- what happens in a test -----------------------------------------------------------------------
+# - Contact: the load of a machine that touches nothing scatters about a constant. The first rows
+#   that do so tell the zero of the load, and the line of the first rows above that scatter the zero
+#   of the travel.
+# - Drop: the load falls while the machine travels on, by more than scatter explains. It comes
+#   back where the specimen slipped in its clamps, and does not where it tore.
+
+
+# Rows ahead of the contact that tell a zero, at least.
+_LEAST_AHEAD = 5
+# A row lies above the load ahead of the contact by so many times its scatter, and this part of the
+# largest load, which only rounding stays below.
+_ABOVE, _ROUNDING = 5.0, 1e-9
+#: The line of the first rows behind the contact reaches a load of so many times the scatter.
+_REACHES = 25.0
+#: The line of the first rows from a preload on reaches so many times the preload.
+_GROWS = 2.0
+# A load drops where it is this part below its peak, and by so many times its scatter.
+_DROP, _DROP_IN_NOISE = 0.03, 6.0
+# Peaks below this part of the largest load are the start of a test; a machine that has travelled
+# less than this part of its way stands still.
+_SMALL, _STANDS = 0.1, 1e-4
+
+
+class Drop(NamedTuple):
+    """A load that falls: rows of the peak and of the first below it; where the load is back.
+
+    back : first row at or above the load of the peak, None where it does not come back.
+    """
+
+    peak: int
+    first: int
+    back: int | None
+
+
+def drops_of(driven: np.ndarray, load: np.ndarray) -> list[Drop]:
+    """Return where the load of one specimen drops while it is driven on, shape [row_count] each.
+
+    A row lies below the peak, the next one by half as much: a single low row is scatter.
+    """
+    found: list[Drop] = []
+    start = 0
+    noise = relative_scatter(load, medians(load)) if len(load) > 2 else 0.0
+    while (drop := _next_drop(driven, load, start, noise)) is not None:
+        found.append(drop)
+        if drop.back is None:
+            break
+        start = drop.back
+    return found
+
+
+def _next_drop(driven: np.ndarray, load: np.ndarray, start: int, noise: float) -> Drop | None:
+    if len(load) - start < 3:
+        return None
+    peak = np.maximum.accumulate(medians(load[start:]))[:-1]
+    least = max(_DROP, _DROP_IN_NOISE * noise)
+    # What is small against the whole test is the start of it.
+    below, counts = 1.0 - load[start + 1 :] / np.maximum(peak, 1e-300), peak > _SMALL * load.max()
+    for k in np.flatnonzero((below > least) & counts):
+        if k + 1 < len(below) and below[k + 1] < 0.5 * least:
+            continue
+        first = start + int(k) + 1
+        # The load of the peak itself; earlier rows above it are scatter.
+        top = start + int(np.flatnonzero(load[start:first] >= peak[k])[-1])
+        if driven[first] - driven[top] <= _STANDS * np.ptp(driven):
+            continue  # the machine stands still, and the specimen relaxes
+        later = np.flatnonzero(load[first:] >= load[top])
+        return Drop(top, first, first + int(later[0]) if len(later) else None)
+    return None
+
+
+class Contact(NamedTuple):
+    """Rows ahead of the contact, the load that they read, and its scatter."""
+
+    ahead: int
+    load: float
+    scatter: float
+
+
+def contact_of(load: np.ndarray) -> Contact | None:
+    """Return how many first rows bear nothing; None where the load rises from the first row on."""
+    if len(load) < _LEAST_AHEAD + 2:
+        return None
+    rounding = _ROUNDING * float(np.ptp(load))
+
+    def scatter_of(count: int) -> float:
+        # Second differences do not see a rise.
+        return math.sqrt(float(np.mean(np.diff(load[:count], 2) ** 2)) / 6.0)
+
+    place = np.arange(_LEAST_AHEAD) - 0.5 * (_LEAST_AHEAD - 1)
+    slope = float(place @ load[:_LEAST_AHEAD] / (place @ place))
+    error = scatter_of(_LEAST_AHEAD) / math.sqrt(place @ place)
+    if abs(slope) > _ABOVE * error + rounding:
+        return None
+    ahead = _LEAST_AHEAD
+    while ahead < len(load):
+        limit = load[:ahead].mean() + _ABOVE * scatter_of(ahead) + rounding
+        if np.all(load[ahead : ahead + 2] > limit):
+            break
+        ahead += 1
+    if ahead == len(load):
+        return None
+    return Contact(ahead, float(load[:ahead].mean()), scatter_of(ahead))
+
+
+def _met_zero(travel: np.ndarray, load: np.ndarray, first: int, until: float) -> tuple[float, int]:
+    """Return where the line of the first loaded rows meets no load, and of how many rows it is.
+
+    travel, load : of one specimen, shape [row_count]; the load counts from its zero.
+    first : row at which the line begins. until : load that it reaches, in two rows at least.
+    """
+    grown = np.flatnonzero(load[first + 1 :] >= until)
+    last = first + 1 + (int(grown[0]) if len(grown) else len(load) - first - 2)
+    x, y = travel[first : last + 1], load[first : last + 1]
+    slope, level = np.polyfit(x - x[0], y, 1)
+    return float(x[0] - level / slope) if slope > 0.0 else float(x[0]), len(x)
+
+
+# --- what is asked for, and what enters -----------------------------------------------------------
+
 
 ZERO, WITHOUT, RANGE = "--zero", "--without", "--range"
 CONTACT, PRELOAD = "contact", "preload"
@@ -262,7 +375,7 @@ class _Work:
             if contact is None:
                 raise InputError(
                     f"the {load}{self.name(rows)} rises from the first row on: the zero is told by "
-                    f"at least {LEAST_AHEAD} rows ahead of the contact. Give it as "
+                    f"at least {_LEAST_AHEAD} rows ahead of the contact. Give it as "
                     f'{ZERO} "{load}={self.axes.load.dimension.example}"'
                     + (f", or {ZERO} {PRELOAD}" if self.axes.is_travel else ""),
                     key=ZERO, file=self.data.file,
@@ -277,8 +390,8 @@ class _Work:
             if not self.axes.is_travel:
                 continue
             travel = self.data[driven][rows]
-            place, count = met_zero(
-                travel, own - contact.load, contact.ahead, REACHES * contact.scatter
+            place, count = _met_zero(
+                travel, own - contact.load, contact.ahead, _REACHES * contact.scatter
             )
             # The specimen has borne nothing before the first row that is above the scatter.
             place = float(np.clip(place, travel[0], travel[contact.ahead]))
@@ -310,7 +423,7 @@ class _Work:
                     f"no preload; write {ZERO} {CONTACT} for rows ahead of the contact",
                     key=ZERO, file=self.data.file,
                 )  # fmt: skip
-            place, count = met_zero(travel, own, 0, GROWS * own[0])
+            place, count = _met_zero(travel, own, 0, _GROWS * own[0])
             zero[rows] = place
             self.told.append(
                 (f"zero of {driven}{self.name(rows)}", f"reads {1e3 * place:.5g} mm",

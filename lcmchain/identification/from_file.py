@@ -15,16 +15,10 @@ from lcmchain.coupons.analytic import BiasExtension, PictureFrame, load_paramete
 from lcmchain.errors import InputError
 from lcmchain.identification import (
     bending,
-    bending_curve,
-    bending_loop,
     cantilever_tests,
     compaction,
-    frame_tests,
     off_axis,
-    pressure_table,
-    relaxing_compaction,
     shear,
-    shear_loop,
     sheared_compaction,
     viscous_shear,
 )
@@ -37,6 +31,8 @@ from lcmchain.identification.entering_rows import (
     found_drops,
     with_left_out,
 )
+from lcmchain.identification.loops import bending as bending_loop
+from lcmchain.identification.loops import shear as shear_loop
 from lcmchain.identification.result import FitRefusedError, Identification
 from lcmchain.quantities.units import (
     ANGLE,
@@ -147,7 +143,7 @@ def identify_viscous_file(
     values, data, inputs = _test(
         path, sizes, ("side", "thickness"), viscous_shear, noise_floor, columns
     )
-    driven, load = frame_tests.COLUMNS[1][:2]
+    driven, load = viscous_shear.COLUMNS[1][:2]
     return _fitted(
         lambda kept, told: viscous_shear.identify_viscous_shear(
             kept, PictureFrame(**values), noise_floor=noise_floor, inputs=told, accept=accept
@@ -225,9 +221,9 @@ def identify_compaction_file(
     if sheared_compaction.SHEAR_ANGLE in data:
         identify = sheared_compaction.identify_sheared_compaction
         if table:
-            identify = pressure_table.identify_pressure_table
-    elif relaxing_compaction.held_rows(data).any():
-        identify, remembers = relaxing_compaction.identify_relaxing_compaction, True
+            identify = sheared_compaction.identify_pressure_table
+    elif compaction.held_rows(data).any():
+        identify, remembers = compaction.identify_relaxing_compaction, True
     if table and sheared_compaction.SHEAR_ANGLE not in data:
         raise InputError(
             "needs tests of sheared fabric: a column as shear angle [deg]", key="--table", file=path
@@ -269,7 +265,7 @@ def identify_bending_file(
         raise InputError(str(error), key="--angle") from None
     inputs.append(("off-axis strip", bending.ASSUMPTIONS[off_axis], f"--off-axis {off_axis}"))
     data = read_coupon(path, cantilever_tests.COLUMNS, columns=columns)
-    identify = bending_curve.identify_bending_curve if curve else bending.identify_bending
+    identify = bending.identify_bending_curve if curve else bending.identify_bending
     return identify(
         data, thickness=values["thickness"],
         areal_weight=STANDARD_GRAVITY * values["areal_mass"], angle=values["angle"],

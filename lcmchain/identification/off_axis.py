@@ -27,11 +27,13 @@ from scipy.optimize import nnls
 
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.lack_of_fit import LackOfFit, falling_row, lack_of_fit
 from lcmchain.identification.regression import (
     Fit,
+    LackOfFit,
     coefficient_of_determination,
+    falling_row,
     is_better_by_more_than_chance,
+    lack_of_fit,
     least_squares_within,
     noise_scale,
 )

@@ -17,16 +17,14 @@ from lcmchain.coupons.analytic import BiasExtension, PictureFrame, shear_strain
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
 from lcmchain.identification.entering_rows import SHOWN
-from lcmchain.identification.lack_of_fit import (
-    LackOfFit,
-    falling_row,
-    lack_of_fit,
-    longest_range,
-)
 from lcmchain.identification.regression import (
     Fit,
+    LackOfFit,
     coefficient_of_determination,
+    falling_row,
     fit_linear,
+    lack_of_fit,
+    longest_range,
     noise_scale,
 )
 from lcmchain.identification.result import (

@@ -1,8 +1,13 @@
-"""Shear-compaction coupling β from plate-to-plate tests of sheared fabric.
+"""Compaction of sheared fabric from plate-to-plate tests: a coupling β, or a table of pressures.
 
-The rows without shear give the compaction law, those with shear one more number. Plates measure the
-pressure on the present area, that on the area at the start over cos γ
+The rows without shear give the compaction law, those with shear one more number, the exponent β.
+Plates measure the pressure on the present area, that on the area at the start over cos γ
 (:mod:`lcmchain.materials.shear_compaction`).
+
+Where one exponent does not describe how the shear changes the compaction, every angle has a curve
+of its own, Eq. (23) from its own free thickness. Points of these curves are the table that
+``material.compaction.table`` takes (:mod:`lcmchain.materials.pressure_table`): measured rows carry
+noise, which a law that meets its points would follow.
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +23,13 @@ from lcmchain.coupons.analytic import compaction_pressure
 from lcmchain.errors import InputError
 from lcmchain.identification.compaction import COLUMNS, identify_compaction
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.lack_of_fit import lack_of_fit
-from lcmchain.identification.regression import Fit, coefficient_of_determination, fit_nonlinear
+from lcmchain.identification.regression import (
+    Fit,
+    coefficient_of_determination,
+    exponential,
+    fit_nonlinear,
+    lack_of_fit,
+)
 from lcmchain.identification.result import (
     Band,
     Identification,
@@ -27,6 +37,14 @@ from lcmchain.identification.result import (
     Parameter,
     Points,
     accepted,
+    mega_pascal,
+)
+from lcmchain.materials.pressure_table import (
+    LARGEST_ANGLE,
+    MOST_ANGLES,
+    MOST_PRESSURES,
+    PressureCurve,
+    PressureTable,
 )
 from lcmchain.quantities.units import ANGLE
 
@@ -36,7 +54,7 @@ SHEARED_COLUMNS = ((*COLUMNS[0], Column(SHEAR_ANGLE, ANGLE)),)
 LEAST_SHEAR = math.radians(2.0)
 LARGEST_SHEAR = math.radians(80.0)
 LARGEST_COUPLING = 2.0
-MINIMUM_ROWS = 4
+_SHEARED_ROWS = 4
 EACH_ANGLE = "the law of the unsheared rows holds; --table takes every angle by itself"
 
 
@@ -48,7 +66,7 @@ def sheared_pressure(
     return thinner * compaction_pressure(thinner * stretch, *law) / np.cos(shear_angle)
 
 
-def unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np.ndarray]:
+def _unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np.ndarray]:
     """Return the law of the unsheared rows, and which rows are sheared; for parameters see below.
 
     Raises
@@ -66,9 +84,9 @@ def unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np.
             "has no rows without shear, which give the compaction law; add a test at 0 deg",
             file=data.file,
         )
-    if np.count_nonzero(sheared) < MINIMUM_ROWS:
+    if np.count_nonzero(sheared) < _SHEARED_ROWS:
         raise InputError(
-            f"has {np.count_nonzero(sheared)} sheared rows; at least {MINIMUM_ROWS} are needed",
+            f"has {np.count_nonzero(sheared)} sheared rows; at least {_SHEARED_ROWS} are needed",
             file=data.file,
         )
     return identify_compaction(data.keep(~sheared), **options), sheared
@@ -96,7 +114,7 @@ def identify_sheared_compaction(
     InputError : a shear angle out of range, no rows without shear, or too few with it.
     FitRefusedError : law or coupling does not describe the data, and ``accept`` is not given.
     """
-    plain, sheared = unsheared_law(
+    plain, sheared = _unsheared_law(
         data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
     )
     law = tuple(plain[name].value for name in ("c0", "c1", "c2"))
@@ -128,7 +146,7 @@ def identify_sheared_compaction(
         r_squared=min(plain.r_squared, coefficient_of_determination(rows["pressure"], model)),
         relative_noise=max(plain.relative_noise, fit.scale),
         warnings=tuple(warnings),
-        panels=(*plain.panels, _panel(rows, thickness, law, beta)),
+        panels=(*plain.panels, _panel_of_coupling(rows, thickness, law, beta)),
         objections=tuple(objections),
         holds=plain.holds or (EACH_ANGLE if objections else ""),
     )
@@ -154,7 +172,7 @@ def _fit_all(data: CouponData, thickness: float, law: Any, noise_floor: float) -
     )  # fmt: skip
 
 
-def _panel(rows: CouponData, thickness: float, law: Any, beta: float) -> Panel:
+def _panel_of_coupling(rows: CouponData, thickness: float, law: Any, beta: float) -> Panel:
     """Return thickness against pressure at each of the shear angles."""
     degrees = np.round(np.degrees(np.abs(rows[SHEAR_ANGLE])), 1)
     points, curves = [], []
@@ -165,4 +183,179 @@ def _panel(rows: CouponData, thickness: float, law: Any, beta: float) -> Panel:
         grid = np.linspace(t.max(), t.min(), 100)
         pressure = sheared_pressure(grid / thickness, np.radians(angle), law, beta)
         curves.append(Band(1e3 * grid, 1e-6 * pressure, f"β = {beta:.3g}"))
+    return Panel("thickness [mm]", "pressure [MPa]", tuple(points), tuple(curves), log_y=True)
+
+
+# --- a table of pressures -------------------------------------------------------------------------
+
+
+_ROWS_OF_AN_ANGLE = 6
+# Angles that differ by less are one [rad].
+SAME_ANGLE = math.radians(1.0)
+# The free thickness is sought from the thickest pressed row up to so many times it.
+THICKEST = 1.5
+
+
+class _Angle(NamedTuple):
+    """Rows of one shear angle [rad], and the fit of their curve.
+
+    theta of the fit : ln c0, ln c1, and ln of the free thickness over t0.
+    """
+
+    angle: float
+    rows: CouponData
+    fit: Fit
+
+
+def identify_pressure_table(
+    data: CouponData,
+    *,
+    thickness: float,
+    noise_floor: float = 0.001,
+    accept: bool = False,
+    **rest: Any,
+) -> Identification:
+    """Identify c0, c1, c2 from the unsheared rows, and a table of pressures from all of them.
+
+    Parameters are those of :func:`identify_sheared_compaction`.
+
+    Raises
+    ------
+    InputError : too many angles, too few rows at one, or points of which no law can be made.
+    FitRefusedError : a curve does not describe the rows of its angle, and ``accept`` is not given.
+    """
+    plain, is_sheared = _unsheared_law(
+        data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
+    )
+    law = np.array([plain[name].value for name in ("c0", "c1", "c2")])
+    thinnest = float(data["thickness"][~is_sheared].min()) / thickness
+    sheared = [
+        _fitted(angle, rows, thickness, law, noise_floor)
+        for angle, rows in _by_angle(data, is_sheared)
+    ]
+    curves = [_points(0.0, law, 1.0, thinnest), *(_curve(own, thickness, law) for own in sheared)]
+    if fault := PressureTable(curves, *law).fault():
+        raise InputError(f"gives a table that {fault}", file=data.file)
+    objections = [*plain.objections, *filter(None, map(_objection, sheared))]
+    pressure = np.concatenate([own.rows["pressure"] for own in sheared])
+    model = np.concatenate([own.fit.model for own in sheared])
+    result = replace(
+        plain,
+        method=f"{plain.method}; at each shear angle a curve of its own, given by points",
+        derived=(*plain.derived, *map(_free_stretch, sheared)),
+        scene_entries={**plain.scene_entries, "table": _entry(curves)},
+        point_count=plain.point_count + len(pressure),
+        r_squared=min(plain.r_squared, coefficient_of_determination(pressure, model)),
+        relative_noise=max(plain.relative_noise, *(own.fit.scale for own in sheared)),
+        panels=(*plain.panels, _panel_of_angles(sheared, thickness, law)),
+        objections=tuple(objections),
+        holds=plain.holds or ("the curves of the other angles hold" if objections else ""),
+    )
+    return accepted(result, data.file, accept)
+
+
+def _by_angle(data: CouponData, is_sheared: np.ndarray) -> list[tuple[float, CouponData]]:
+    """Return the shear angles [rad] and their rows, rising.
+
+    Raises
+    ------
+    InputError : more angles, or larger ones, than a table takes, or too few rows at one.
+    """
+    angle = np.abs(data[SHEAR_ANGLE])
+    order = np.sort(angle[is_sheared])
+    starts = order[np.concatenate([[True], np.diff(order) > SAME_ANGLE])]
+    if len(starts) >= MOST_ANGLES or order[-1] > LARGEST_ANGLE:
+        raise InputError(
+            f"has {len(starts)} shear angles up to {math.degrees(order[-1]):.4g} deg; keep "
+            f"{MOST_ANGLES - 1} beside 0 deg, up to {math.degrees(LARGEST_ANGLE):g} deg",
+            file=data.file,
+        )
+    number = np.searchsorted(starts, angle, side="right")
+    found = []
+    for k, start in enumerate(starts):
+        own = is_sheared & (number == k + 1)
+        if np.count_nonzero(own) < _ROWS_OF_AN_ANGLE:
+            raise InputError(
+                f"has {np.count_nonzero(own)} rows at {math.degrees(start):.4g} deg; at least "
+                f"{_ROWS_OF_AN_ANGLE} are needed",
+                file=data.file,
+            )
+        found.append((float(angle[own].mean()), data.keep(own)))
+    return found
+
+
+def _pressure(stretch: np.ndarray, angle: float, theta: np.ndarray, c2: float) -> np.ndarray:
+    """Return the pressure [Pa] on the present area of a curve at stretches t/t0."""
+    free = exponential(theta[2])
+    law = (exponential(theta[0]), exponential(theta[1]), c2)
+    return compaction_pressure(stretch / free, *law) / (free * math.cos(angle))
+
+
+def _fitted(
+    angle: float, rows: CouponData, thickness: float, law: np.ndarray, noise_floor: float
+) -> _Angle:
+    """Return the curve of the rows of an angle."""
+    stretch = rows["thickness"] / thickness
+    thickest = math.log(stretch.max())
+    start = np.array([*np.log(law[:2]), thickest + 0.05])
+    fit = fit_nonlinear(
+        lambda theta: _pressure(stretch, angle, theta, law[2]), start, rows["pressure"],
+        noise_floor,
+        bounds=([-np.inf, -np.inf, thickest - 0.2], [np.inf, np.inf, thickest + THICKEST]),
+    )  # fmt: skip
+    return _Angle(angle, rows, fit)
+
+
+def _points(angle: float, law: np.ndarray, free: float, thinnest: float) -> PressureCurve:
+    """Return points of a curve at equal steps of its strain, down to a stretch."""
+    strain = 0.5 * ((thinnest / free) ** 2 - 1.0) * np.linspace(0.0, 1.0, 1 + MOST_PRESSURES)
+    stretch = free * np.sqrt(1.0 + 2.0 * strain)
+    theta = np.log([law[0], law[1], free])
+    pressure = _pressure(stretch, angle, theta, law[2])
+    return PressureCurve(angle, tuple(stretch), (0.0, *pressure[1:]))
+
+
+def _curve(own: _Angle, thickness: float, law: np.ndarray) -> PressureCurve:
+    c0, c1, free = np.exp(own.fit.parameters)
+    thinnest = float(own.rows["thickness"].min()) / thickness
+    return _points(own.angle, np.array([c0, c1, law[2]]), float(free), thinnest)
+
+
+def _objection(own: _Angle) -> str:
+    """Say where the curve of an angle misses its rows; empty where nowhere."""
+    rows = own.rows
+    lack = lack_of_fit(-rows["thickness"], rows["pressure"], own.fit.model, rows.specimen)
+    if not lack.is_systematic:
+        return ""
+    return lack.text(f"the curve at {math.degrees(own.angle):.4g} deg", "the thickness", "mm", -1e3)
+
+
+def _free_stretch(own: _Angle) -> Parameter:
+    value, half = own.fit.parameters[2], own.fit.half_widths()[2]
+    return Parameter(
+        f"free_stretch_at_{math.degrees(own.angle):.0f}_deg", exponential(value), "1",
+        exponential(value - half), exponential(value + half),
+    )  # fmt: skip
+
+
+def _entry(curves: list[PressureCurve]) -> str:
+    """Return the table as scene text."""
+    rows = [
+        f'  {{ shear_angle = "{math.degrees(curve.shear_angle):.6g} deg", '
+        f"stretch = [{', '.join(f'{stretch:.8g}' for stretch in curve.stretch)}], "
+        f'pressure = "{mega_pascal(*curve.pressure)}" }},'
+        for curve in curves
+    ]
+    return "\n".join(["[", *rows, "]"])
+
+
+def _panel_of_angles(sheared: list[_Angle], thickness: float, law: np.ndarray) -> Panel:
+    """Return thickness against pressure at each of the shear angles."""
+    points, curves = [], []
+    for own in sheared:
+        t, name = own.rows["thickness"], f"{math.degrees(own.angle):.3g} deg"
+        points.append(Points(1e3 * t, 1e-6 * own.rows["pressure"], name))
+        grid = np.linspace(t.max(), t.min(), 100)
+        pressure = _pressure(grid / thickness, own.angle, own.fit.parameters, law[2])
+        curves.append(Band(1e3 * grid, 1e-6 * pressure, f"curve at {name}"))
     return Panel("thickness [mm]", "pressure [MPa]", tuple(points), tuple(curves), log_y=True)

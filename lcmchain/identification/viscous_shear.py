@@ -20,10 +20,11 @@ import numpy as np
 from lcmchain.coupons.analytic import PictureFrame
 from lcmchain.errors import InputError
 from lcmchain.identification.data import CouponData
-from lcmchain.identification.frame_tests import COLUMNS, FrameTests, frame_tests
-from lcmchain.identification.lack_of_fit import TOLERANCE, LackOfFit, lack_of_fit
 from lcmchain.identification.regression import (
+    TOLERANCE,
+    LackOfFit,
     coefficient_of_determination,
+    lack_of_fit,
     noise_scale,
 )
 from lcmchain.identification.result import (
@@ -37,7 +38,14 @@ from lcmchain.identification.result import (
     mega_pascal,
 )
 from lcmchain.identification.shear import COEFFICIENT_COUNT
-from lcmchain.identification.viscous_fit import Form, RateFit, RateLaws
+from lcmchain.identification.viscous_fit import (
+    COLUMNS,
+    Form,
+    FrameTests,
+    RateFit,
+    RateLaws,
+    frame_tests,
+)
 
 __all__ = ["COLUMNS", "MINIMUM_ROWS", "identify_viscous_shear"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from lcmchain.fields.hidden_compaction import hidden_text
+from lcmchain.fields.limits import hidden_text
 from lcmchain.judgements.grades import GOOD, GRADES, Verdict, grade_of, share
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.quantities.rounded import percent

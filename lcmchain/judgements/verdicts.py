@@ -17,8 +17,8 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.limits import LARGEST_FIBRE_VOLUME_FRACTION
 from lcmchain.fields.sheet import face_centres, sheet_areas
 from lcmchain.fields.stack import PLY
-from lcmchain.fields.waves import area_in_waves_below, elements_per_wave
 from lcmchain.fields.wrinkle_risk import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES
+from lcmchain.fields.wrinkles import area_in_waves_below, elements_per_wave
 from lcmchain.judgements.contact import (
     hidden_compaction_verdict,
     penetration_verdict,

@@ -24,11 +24,6 @@ from lcmchain.materials.bending_curve import (
     curve_response,
     with_curves,
 )
-from lcmchain.materials.bending_loss_table import (
-    BendingFrictionTable,
-    BendingRateTable,
-    bending_losses,
-)
 from lcmchain.materials.bending_losses import BendingLosses, with_losses
 from lcmchain.materials.compaction import (
     compaction_of,
@@ -37,7 +32,6 @@ from lcmchain.materials.compaction import (
     compaction_tangent_slope,
     linear_where_constant,
 )
-from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     Step,
     TangentCoupling,
@@ -100,6 +94,7 @@ from lcmchain.materials.strain_map import (
     mapped_slope,
     mapped_stabilising,
 )
+from lcmchain.materials.table import ExponentialCompaction, FabricTable
 from lcmchain.materials.temperature_field import TemperatureField, kept_values, with_field
 from lcmchain.materials.variants import name_twins
 from lcmchain.materials.viscous_shear import (
@@ -109,7 +104,12 @@ from lcmchain.materials.viscous_shear import (
     with_viscous,
     with_viscous_shear,
 )
-from lcmchain.materials.viscous_table import ViscousTable
+from lcmchain.materials.viscous_table import (
+    BendingFrictionTable,
+    BendingRateTable,
+    ViscousTable,
+    bending_losses,
+)
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     POSITIVE,

@@ -65,7 +65,6 @@ from lcmchain.materials.fabric import (
     stabilising_shear_slope,
     stabilising_shear_tangent,
 )
-from lcmchain.materials.fabric_table import ExponentialCompaction, FabricTable
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,
@@ -81,6 +80,7 @@ from lcmchain.materials.shear_locking import (
     locking_tangent_slope,
 )
 from lcmchain.materials.stiffness import AlongFibres, in_axes, read_by
+from lcmchain.materials.table import ExponentialCompaction, FabricTable
 from lcmchain.materials.twins import twin_of
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,

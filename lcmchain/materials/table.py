@@ -1,11 +1,23 @@
-"""What the scene table of every material law offers beside its entries."""
+"""What scene tables offer beside their entries: those of every material law, and those of fabrics.
+
+Fabrics share their mass, their compaction, and checks of both.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
 
 from lcmchain.materials.law import Material
+from lcmchain.quantities.entry_types import (
+    NOT_NEGATIVE,
+    Number,
+    PositiveStiffness,
+    Range,
+    wrong,
+)
 from lcmchain.quantities.scene_model import SceneModel
 
 
@@ -102,3 +114,86 @@ class MaterialTable(SceneModel):
     def remarks(self) -> list[str]:
         """Say what is allowed but probably not meant."""
         return []
+
+
+# --- fabrics --------------------------------------------------------------------------------------
+
+
+class ExponentialCompaction(SceneModel):
+    """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
+
+    c0: PositiveStiffness = Field(description="Stiffness of the undeformed fabric.")
+    c1: Annotated[float, Number(60.4653, NOT_NEGATIVE)] = Field(description="Growth factor.")
+    c2: Annotated[float, Number(2.4528, Range(1.0, 10.0))] = Field(description="Growth exponent.")
+
+    @model_validator(mode="after")
+    def _check_growth(self) -> Self:
+        # E33 = -1/2 is the strain of a thickness of zero.
+        if self.c1 * 0.5**self.c2 > 200.0:
+            raise wrong(
+                f"together with c2 = {self.c2:g} lets the stiffness grow by "
+                f"exp({self.c1 * 0.5**self.c2:.0f}) up to full compaction, which cannot be "
+                "computed; check both exponents (MD600: c1 = 60.4653, c2 = 2.4528)",
+                field="c1",
+            )
+        return self
+
+
+class FabricTable(MaterialTable):
+    """Base of the tables of fabrics, which state the entries below in an order of their own."""
+
+    has_fibres: ClassVar[bool] = True
+
+    if TYPE_CHECKING:
+        thickness: float
+        areal_mass: float
+        fibre_density: float
+        compaction: Any
+        bending: Any
+
+    @model_validator(mode="after")
+    def _check_fibre_volume_fraction(self) -> Self:
+        if self.fibre_volume_fraction >= 1.0:
+            raise wrong(
+                f"gives a fibre volume fraction of {self.fibre_volume_fraction:.2f}, more than all "
+                "space: check areal_mass, fibre_density and thickness",
+                field="areal_mass",
+            )
+        return self
+
+    @property
+    def compacts(self) -> bool:
+        return self.compaction.c1 > 0.0
+
+    @property
+    def bends_in_plane(self) -> bool:
+        return self.bending.in_plane > 0.0
+
+    def without_compaction(self) -> Self:
+        """Return the fabric with the thickness stiffness of the undeformed one."""
+        return self._with("compaction", c1=0.0)
+
+    def without_in_plane_bending(self) -> Self:
+        """Return the fabric whose fibres have no stiffness against bending within the plane."""
+        return self._with("bending", in_plane=0.0)
+
+    def _with(self, table: str, /, **entries: Any) -> Self:
+        return self.model_copy(update={table: getattr(self, table).model_copy(update=entries)})
+
+    @property
+    def density(self) -> float:
+        """Mass per volume of the unloaded fabric [kg/m³], areal mass over thickness."""
+        return self.areal_mass / self.thickness
+
+    @property
+    def fibre_volume_fraction(self) -> float:
+        """Fibre volume fraction of the unloaded fabric [1]."""
+        return self.areal_mass / (self.fibre_density * self.thickness)
+
+    def remarks(self) -> list[str]:
+        if self.fibre_volume_fraction <= 0.9:
+            return []
+        return [
+            f"the fibre volume fraction of the unloaded fabric is {self.fibre_volume_fraction:.2f},"
+            " more than fibres can be packed to"
+        ]

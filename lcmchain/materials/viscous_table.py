@@ -1,4 +1,7 @@
-"""Scene tables of what depends on a rate: ``[material.viscous]``, and that of the bending."""
+"""Scene tables of what a fabric loses: what depends on a rate, and friction of its bending.
+
+``[material.viscous]``, and of the bending ``friction_1``, ``viscous_1`` and so on.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
+from lcmchain.materials.dahl import Friction
 from lcmchain.materials.maxwell import Relaxation
 from lcmchain.materials.relaxation import CompactionRelaxation
 from lcmchain.materials.temperature_field import TemperatureField
@@ -18,6 +23,8 @@ from lcmchain.quantities.entry_types import (
     ActivationEnergy,
     Length,
     Number,
+    PositiveCurvature,
+    PositiveForce,
     PositiveStiffness,
     PositiveTime,
     Range,
@@ -259,3 +266,58 @@ class ViscousTable(RateTable):
             time_constant=self.cross.time_constant,
             exponent=self.cross.exponent,
         )
+
+
+# --- bending --------------------------------------------------------------------------------------
+
+
+class BendingFrictionTable(SceneModel):
+    """Friction between bent fibres (Dahl): what is bent back follows another path."""
+
+    moment: PositiveForce = Field(
+        description="Limit of the friction's moment per width [N m/m]: half the width of a loop of "
+        "moment over curvature, Kawabata's HB."
+    )
+    curvature: PositiveCurvature = Field(
+        description="Curvature over which the friction comes to 63 % of its limit."
+    )
+
+    @property
+    def friction(self) -> Friction:
+        return Friction(self.moment, self.curvature)
+
+
+class BendingRateTable(RateTable):
+    """What resists the rate of bending: a dashpot, and Maxwell elements beside it.
+
+    Moduli and viscosities are of the same kind as the bending stiffness C11.
+    """
+
+
+def bending_losses(
+    frictions: tuple[BendingFrictionTable | None, BendingFrictionTable | None],
+    rates: tuple[BendingRateTable | None, BendingRateTable | None],
+    thickness: float,
+) -> BendingLosses | None:
+    """Return what a fabric of a thickness [m] loses along its fibres 1 and 2; None for nothing."""
+    if not any(frictions) and not any(rates):
+        return None
+    inertia = thickness**3 / 12.0
+    first, second = (
+        _of_direction(friction, rate, inertia)
+        for friction, rate in zip(frictions, rates, strict=True)
+    )
+    return BendingLosses((first, second), thickness)
+
+
+def _of_direction(
+    friction: BendingFrictionTable | None, rate: BendingRateTable | None, inertia: float
+) -> DirectionLosses:
+    viscous = None if rate is None else rate.viscous
+    return DirectionLosses(
+        friction=None if friction is None else friction.friction,
+        viscosity=0.0 if viscous is None else viscous.viscosity * inertia,
+        terms=()
+        if viscous is None
+        else tuple(Relaxation(term.modulus * inertia, term.time) for term in viscous.terms),
+    )

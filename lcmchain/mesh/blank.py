@@ -20,22 +20,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.cells import boundary_edges, cell_heights
-from lcmchain.mesh.contours import Contours, contours_of
+from lcmchain.mesh.contours import Contours, Drawn, contours_of
 from lcmchain.mesh.cut import ON_OUTLINE, Cells
-from lcmchain.mesh.drawing import Drawing, Drawn
-from lcmchain.mesh.fibres import UndeformedFrame
-from lcmchain.mesh.hexahedron import MODES
-from lcmchain.mesh.lattice import best_lattice
-from lcmchain.mesh.numbering import number_by_lines
+from lcmchain.mesh.drawing import Drawing
+from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
+from lcmchain.mesh.lattice import best_lattice, number_by_lines
 from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
     cross,
     place,
 )
-from lcmchain.mesh.sheet_mesh import NO_NODE
+from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Angle,
@@ -233,7 +230,7 @@ class BlankMesh(UndeformedFrame):
     thickness : initial thickness [m].
     outline_area : area inside the prescribed outline [m2]; nan where no outline was prescribed.
     step_ratio : stable step of whole elements over that of the cut ones, at least 1, by the stiff
-        fibres alone (:mod:`lcmchain.mesh.step_measure`).
+        fibres alone (:mod:`lcmchain.mesh.cells`).
     """
 
     node_positions: np.ndarray

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -181,6 +181,20 @@ class Contours:
             found += [first, first + len(slit) - 1]
             first += len(slit)
         return found
+
+
+class Drawn(NamedTuple):
+    """Contours as a drawing gives them.
+
+    rim : corners of the outermost contour [m]. holes : of each contour inside it.
+    slits : of each open line on the layer of slits.
+    left_out : what was not read, in words; empty for none.
+    """
+
+    rim: np.ndarray
+    holes: tuple[np.ndarray, ...]
+    slits: tuple[np.ndarray, ...]
+    left_out: str
 
 
 def contours_of(blank_spec: Any) -> tuple[Contours, str]:

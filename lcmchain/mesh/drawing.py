@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
+from lcmchain.mesh.contours import Drawn
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     FileName,
@@ -16,20 +16,6 @@ from lcmchain.quantities.entry_types import (
     Text,
 )
 from lcmchain.quantities.scene_model import SceneModel
-
-
-class Drawn(NamedTuple):
-    """What a drawing gives.
-
-    rim : corners of the outermost contour [m]. holes : of each contour inside it.
-    slits : of each open line on the layer of slits.
-    left_out : what was not read, in words; empty for none.
-    """
-
-    rim: np.ndarray
-    holes: tuple[np.ndarray, ...]
-    slits: tuple[np.ndarray, ...]
-    left_out: str
 
 
 class Drawing(SceneModel):

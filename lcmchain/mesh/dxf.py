@@ -18,7 +18,7 @@ import shapely
 from scipy.spatial import cKDTree
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.drawing import Drawn
+from lcmchain.mesh.contours import Drawn
 from lcmchain.mesh.outline import check_simple, place
 from lcmchain.quantities.units import length_factor
 

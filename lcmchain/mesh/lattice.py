@@ -1,4 +1,9 @@
-"""Lattice along the two fibre directions, laid so that it fits the outline."""
+"""Lattice along the two fibre directions, laid so that it fits the outline.
+
+Several positions of the lattice are tried. In each the corners of the outline are given to lattice
+nodes, the lattice is cut with the outline (:mod:`lcmchain.mesh.cut`), and the best cells stay. They
+are numbered line by line.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import shapely
 
+from lcmchain.mesh.cells import boundary_edges, cut_nodes
 from lcmchain.mesh.contours import Contours
-from lcmchain.mesh.corner_nodes import choose_corner_nodes
-from lcmchain.mesh.cut import INSIDE_REACH, Cells, cut_lattice
+from lcmchain.mesh.cut import INSIDE_REACH, ON_OUTLINE, Cells, cut_lattice, nearest_node
 from lcmchain.mesh.outline import whole_number
-from lcmchain.mesh.seam_tips import COINCIDENT
+from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
 
 # Pitch may deviate by this factor from the edge length to fit diagonals to the outline.
 DIAGONAL_FIT = 1.25
@@ -80,7 +86,7 @@ def best_lattice(contours: Contours, edge_length: float) -> Cells:
 def _cut(contours: Contours, lines: list[np.ndarray], pitch: float, reach: float) -> Cells:
     """Cut a lattice, with the best nodes at the corners."""
     x_lines, y_lines = lines
-    corner_nodes = choose_corner_nodes(contours, x_lines, y_lines, pitch, reach)
+    corner_nodes = _choose_corner_nodes(contours, x_lines, y_lines, pitch, reach)
     return cut_lattice(contours, x_lines, y_lines, pitch, corner_nodes, reach)
 
 
@@ -184,3 +190,145 @@ def _anchored_lines(values: np.ndarray, anchors: np.ndarray, edge_length: float)
         parts.append(np.linspace(start, end, count, endpoint=False))
     parts.append(anchors[-1] + edge_length * np.arange(above + 1))
     return np.concatenate(parts)
+
+
+# --- nodes that take the corners of the outline ---------------------------------------------------
+
+
+# Nodes up to this far from a corner may take it, and cells up to twice as far tell how well; in
+# units of the pitch. The window of the lattice in which it is tried reaches further.
+NEAR = 1.5
+WINDOW = 6
+# A node that shortens the step by no more than this is not improved upon.
+GOOD_CORNER_RATIO = 1.08
+# Cells lower than this part of the pitch are as good as inverted.
+LEAST_HEIGHT = 0.05
+
+
+def _choose_corner_nodes(
+    contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray, pitch: float, reach: float
+) -> dict[int, tuple[int, int]]:
+    """Return a lattice node (column, row) for every corner vertex of the contours.
+
+    Each corner in turn, the sharpest first, takes the node near it with which the cells around it
+    leave the longest time step, the nearest one of equals.
+    """
+    chosen: dict[int, tuple[int, int]] = {}
+    for vertex in reversed(contours.corners()):
+        point = contours.vertex(vertex)
+        column, row = nearest_node(point, x_lines, y_lines)
+        first = max(column - WINDOW, 0), max(row - WINDOW, 0)
+        lines = (
+            x_lines[first[0] : column + WINDOW + 1],
+            y_lines[first[1] : row + WINDOW + 1],
+        )
+        taken = set(chosen.values())
+        best = None
+        candidates = _nodes_near(point, x_lines, y_lines, (column, row), pitch)
+        if not contours.is_plain:
+            tip = tip_at(contours, vertex, x_lines, y_lines, pitch)
+            candidates = candidates if tip is None else tip.nodes
+        for candidate in candidates:
+            if candidate in taken:
+                continue
+            tried = {
+                v: (c - first[0], r - first[1])
+                for v, (c, r) in (chosen | {vertex: candidate}).items()
+                if 0 <= c - first[0] < len(lines[0]) and 0 <= r - first[1] < len(lines[1])
+            }
+            cells = cut_lattice(contours, *lines, pitch, tried, reach)
+            rank = _rank_of_corner(cells, point, contours.lines, pitch)
+            if best is None or rank < best:
+                best, chosen_node = rank, candidate
+            if not any(rank[:3]) and rank[3] <= GOOD_CORNER_RATIO:
+                break
+        if best is not None:
+            chosen[vertex] = chosen_node
+    return chosen
+
+
+def _nodes_near(
+    point: np.ndarray,
+    x_lines: np.ndarray,
+    y_lines: np.ndarray,
+    middle: tuple[int, int],
+    pitch: float,
+) -> list[tuple[int, int]]:
+    """Lattice nodes near a point, the nearest first."""
+    found = []
+    for shift in product(range(-2, 3), repeat=2):
+        column, row = middle[0] + shift[0], middle[1] + shift[1]
+        if 0 <= column < len(x_lines) and 0 <= row < len(y_lines):
+            way = float(np.hypot(x_lines[column] - point[0], y_lines[row] - point[1])) / pitch
+            if way <= NEAR:
+                found.append((round(way, 6), column, row))
+    if min(found)[0] == 0.0:
+        return [min(found)[1:]]  # a corner on a node stays there
+    return [(column, row) for _, column, row in sorted(found)]
+
+
+def _rank_of_corner(
+    cells: Cells, point: np.ndarray, ring: shapely.Geometry, pitch: float
+) -> tuple[bool, bool, int, float]:
+    """How bad the cells around a corner are: not there, inverted, off the outline, slow."""
+    if not (cells.positions[np.unique(cells.faces)] == point).all(axis=1).any():
+        return True, True, 0, np.inf
+    near = np.hypot(*(cells.positions - point).T) < 2.0 * NEAR * pitch
+    is_near = near[cells.faces].any(axis=1)
+    sound = cells.heights > LEAST_HEIGHT
+    edges = boundary_edges(cells.faces)
+    edges = edges[near[edges].all(axis=1) & (cells.node_class[edges] == ON_OUTLINE).all(axis=1)]
+    middles = cells.positions[edges].mean(axis=1)
+    off = shapely.distance(ring, shapely.points(middles)) > 1e-6 * pitch
+    faces = cells.faces[sound]
+    ratio = cut_nodes(cells.positions[faces], faces, pitch).ratio
+    slowest = float(ratio[near[: len(ratio)]].max(initial=0.0))
+    return False, not sound[is_near].all(), int(off.sum()), round(slowest, 6)
+
+
+# --- numbering line by line across the sheet ------------------------------------------------------
+
+
+# Stretch of elements within which the cut ones come last: long beside the blocks in which kernels
+# take elements, short beside what a step has on hand at a time.
+STRETCH = 256
+# Difference of opposite edges, relative to the pitch, up to which a cell counts as uncut.
+UNCUT = 1e-9
+
+
+def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+    """Positions, and faces in the new node numbers.
+
+    Lines of the lattice follow each other along the sheet's longer side: a step that goes through
+    the sheet in this order (``lcmchain/solver/schedule.py``) has few lines on hand at a time.
+    Among elements that follow each other the cut ones come last: a block of elements that are all
+    parallelograms is spared what others need (``lcmchain/elements/solid_shell/kernel.py``).
+    """
+    used = np.unique(cells.faces)
+    places = cells.lattice_node[used]
+    along_rows = _has_shorter_rows(places, cells.row_count)
+    used = used[_line_order(places, cells.row_count, along_rows)]
+    number = np.full(len(cells.positions), -1, dtype=np.int64)
+    number[used] = np.arange(len(used))
+    faces = cells.faces[_line_order(cells.origin, cells.row_count, along_rows)]
+    faces = faces[_cut_last(cells.positions[faces], cells.pitch)]
+    return cells.positions[used], number[faces]
+
+
+def _has_shorter_rows(nodes: np.ndarray, row_count: int) -> bool:
+    """Tell whether the sheet has no more columns than rows: rows are then the shorter lines."""
+    column, row = np.divmod(nodes, row_count)
+    return bool(np.ptp(column) <= np.ptp(row))
+
+
+def _line_order(nodes: np.ndarray, row_count: int, along_rows: bool) -> np.ndarray:
+    """Order of lattice nodes row by row, or column by column."""
+    column, row = np.divmod(nodes, row_count)
+    return np.lexsort((column, row) if along_rows else (row, column))
+
+
+def _cut_last(corners: np.ndarray, pitch: float) -> np.ndarray:
+    """Order of faces (F, 4, 2) in which the parallelograms come first within each stretch."""
+    warped = corners[:, 0] - corners[:, 1] + corners[:, 2] - corners[:, 3]
+    is_cut = np.linalg.norm(warped, axis=1) > UNCUT * pitch
+    return np.lexsort((is_cut, np.arange(len(corners)) // STRETCH))

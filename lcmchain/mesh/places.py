@@ -1,4 +1,9 @@
-"""From the words of a scene to nodes, cells and edges of the mesh that resin flows in."""
+"""Places of a mesh that a scene names: the entries, and the nodes, cells and shares they mean.
+
+``Where`` is the entry: a set, a point, a box, a polygon, a boundary. :class:`Places` finds its
+nodes, cells and edges in the mesh that resin flows in, :func:`area_shares` the part of every face
+of a flat sheet that lies in it.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +11,11 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Annotated, Any, Self
 
 import numpy as np
+import shapely
+from pydantic import Field, model_validator
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -15,7 +23,128 @@ from shapely import Polygon, contains_xy
 from shapely.validation import explain_validity
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.where import Where
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Name,
+    Number,
+    PointInPlane,
+    Position,
+    PositiveLength,
+    Range,
+    Row,
+    Switch,
+    Text,
+    wrong,
+)
+from lcmchain.quantities.scene_model import SceneModel
+
+# --- scene entries --------------------------------------------------------------------------------
+
+
+#: Entries that name a place, beside ``rim``.
+WAYS = ("set", "point", "box", "polygon", "loop", "boundary")
+
+Corners = Annotated[
+    tuple[Position, Position],
+    Row('["0 0 -1 mm", "20 20 1 mm"]', count=2, entries="points", units=False),
+]
+CornersInPlane = Row(
+    '[["0 mm", "0 mm"], ["30 mm", "0 mm"], ["0 mm", "20 mm"]]',
+    minimum_count=3,
+    entries="corner points",
+    units=False,
+)
+
+
+class Where(SceneModel):
+    """A place of the mesh: a set, a point, a box, a polygon, the rim, or another boundary."""
+
+    set: Annotated[Annotated[str, Text("GATE")] | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Name of a node set, a cell set or a part of the mesh file.",
+    )
+    point: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None, description="The node nearest to a point, or all within radius of it."
+    )
+    radius: Annotated[PositiveLength | None, AbsentMeans("")] = Field(
+        default=None, description="Distance from the point within which all nodes are taken."
+    )
+    box: Annotated[Corners | None, AbsentMeans("")] = Field(
+        default=None, description="Nodes (of a region: cells) in a box, by two opposite corners."
+    )
+    polygon: Annotated[tuple[PointInPlane, ...] | None, CornersInPlane, AbsentMeans("")] = Field(
+        default=None,
+        description="Nodes (of a region: cells) whose x and y lie in a polygon, by its corners.",
+    )
+    rim: Switch = Field(
+        default=False, description="Nodes on the outermost closed boundary of the mesh."
+    )
+    loop: Annotated[Position | None, AbsentMeans("")] = Field(
+        default=None,
+        description="Nodes on the closed boundary that passes nearest to this point, as of a hole.",
+    )
+
+    boundary: Annotated[
+        Annotated[int, Number(2, Range(1, 10_000), whole=True)] | None, AbsentMeans("")
+    ] = Field(
+        default=None,
+        description="Nodes on a closed boundary by its number: 1 is the longest, 2 the next.",
+    )
+
+    @property
+    def ways(self) -> list[str]:
+        """Ways in which the place is given."""
+        given = [way for way in WAYS if getattr(self, way) is not None]
+        return [*given, *(["rim"] if self.rim else [])]
+
+    @property
+    def in_words(self) -> str:
+        """What the place is, for the check of a scene."""
+        if self.set is not None:
+            return f'set "{self.set}"'
+        if self.point is not None:
+            around = "node nearest to" if self.radius is None else f"{_mm(self.radius)} mm around"
+            return f"{around} {_place(self.point)}"
+        if self.box is not None:
+            return f"box from {_place(self.box[0])} to {_place(self.box[1])}"
+        if self.polygon is not None:
+            return f"polygon of {len(self.polygon)} corners"
+        if self.loop is not None:
+            return f"boundary next to {_place(self.loop)}"
+        if self.boundary is not None:
+            return f"boundary {self.boundary}"
+        return "rim" if self.rim else "everywhere"
+
+    @model_validator(mode="after")
+    def _check_way(self) -> Self:
+        self.require_ways()
+        return self
+
+    def require_ways(self) -> None:
+        """Refuse what is no place, or more than one."""
+        ways = self.ways
+        if len(ways) != 1:
+            found = " and ".join(ways) or "none"
+            raise wrong(f"needs one of {', '.join(WAYS)} and rim = true, but has {found}")
+        if self.radius is not None and self.point is None:
+            raise wrong("belongs to point, which is not given", field="radius")
+
+
+class NamedPlace(Where):
+    """A place with a name, for messages and files."""
+
+    name: Annotated[str, Name("gate")] = Field(description="Name, for messages and files.")
+
+
+def _place(point: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(_mm(value) for value in point) + ") mm"
+
+
+def _mm(value: float) -> str:
+    return f"{1e3 * value + 0.0:.4g}"
+
+
+# --- nodes, cells and edges -----------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -81,10 +210,10 @@ class Places:
             if len(found) == 0:
                 nearest = int(np.argmin(away))
                 raise InputError(
-                    f"no cell has its centroid within {_mm(where.radius)} mm of "
+                    f"no cell has its centroid within {_rough(where.radius)} mm of "
                     f"{place_text(np.array(where.point))}; the nearest is that of cell "
                     f"{self.cell_number(nearest)} at {place_text(self.centroids[nearest])}, "
-                    f"{_mm(away[nearest])} mm away",
+                    f"{_rough(away[nearest])} mm away",
                     key=key,
                 )
             return found
@@ -212,13 +341,13 @@ class Places:
         row = int(self.used[nearest])
         told = (
             f"node {self.node_number(row)} at {place_text(self.points[row])}, "
-            f"{_mm(away[nearest])} mm away"
+            f"{_rough(away[nearest])} mm away"
         )
         if away[nearest] > max(self.edge_length, radius or 0.0):
             reach = "one edge length" if radius is None else "the radius and one edge length"
             raise InputError(
                 f"{place_text(point)} lies outside the mesh: the nearest is {told}, more than "
-                f"{reach} ({_mm(max(self.edge_length, radius or 0.0))} mm); move it there, and "
+                f"{reach} ({_rough(max(self.edge_length, radius or 0.0))} mm); move it there, and "
                 "check the unit",
                 key=f"{key}.point",
             )
@@ -235,7 +364,7 @@ class Places:
             nearest = int(np.argmin(distance))
             raise InputError(
                 f"no {what} lies in the box from {place_text(low)} to {place_text(high)}; the "
-                f"nearest lies at {place_text(places[nearest])}, {_mm(distance[nearest])} mm "
+                f"nearest lies at {place_text(places[nearest])}, {_rough(distance[nearest])} mm "
                 f"outside (the part spans {self.extent}); move it there, and check the unit",
                 key=f"{key}.box",
             )
@@ -278,9 +407,9 @@ class Places:
         away, at = found[number]
         if away > self.edge_length:
             raise InputError(
-                f"no boundary passes within one edge length ({_mm(self.edge_length)} mm) of "
+                f"no boundary passes within one edge length ({_rough(self.edge_length)} mm) of "
                 f"{place_text(point)}; the nearest does so at "
-                f"{place_text(self.points[rows[number][at]])}, {_mm(away)} mm away",
+                f"{place_text(self.points[rows[number][at]])}, {_rough(away)} mm away",
                 key=f"{key}.loop",
             )
         return self.loops[number]
@@ -291,5 +420,74 @@ def place_text(point: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * value + 0.0:.1f}" for value in point) + ") mm"
 
 
-def _mm(length: float) -> str:
+def _rough(length: float) -> str:
     return f"{1e3 * length:.3g}"
+
+
+# --- shares of faces ------------------------------------------------------------------------------
+
+
+#: Corners of the polygon that stands for a disc, of the same area.
+DISC_CORNERS = 512
+
+
+def area_shares(where: Where, corners: np.ndarray, key: str) -> np.ndarray:
+    """Return the part of the area of every face that lies in a place (F,), 0 to 1.
+
+    Parameters
+    ----------
+    where : a box, a polygon, or a point with a radius.
+    corners : of the flat faces [m], shape (F, 4, 3); a triangle repeats its last one.
+    key : of the place in the scene, for messages.
+
+    Raises
+    ------
+    InputError : the place has no area, crosses itself, or holds no part of a face.
+    """
+    region = _region(where, key)
+    inside = np.ones(len(corners), dtype=bool)
+    if where.box is not None:
+        low, high = np.sort([where.box[0][2], where.box[1][2]])
+        slack = 1e-9 * float(np.ptp(corners[..., :2], axis=(0, 1)).max())
+        inside = (corners[..., 2] >= low - slack).all(axis=1)
+        inside &= (corners[..., 2] <= high + slack).all(axis=1)
+    faces = shapely.polygons(corners[..., :2])
+    shares = np.where(inside, shapely.area(shapely.intersection(faces, region)), 0.0)
+    shares /= shapely.area(faces)
+    shares[shares > 1.0 - 1e-9] = 1.0  # whole ones, whatever their last digits
+    shares[shares < 1e-9] = 0.0
+    if not shares.any():
+        low, high = 1e3 * corners.min(axis=(0, 1)), 1e3 * corners.max(axis=(0, 1))
+        height = f" and its height is {low[2]:.4g} mm" if where.box is not None else ""
+        raise InputError(
+            f"holds no part of the sheet ({where.in_words}; the sheet spans x {low[0]:.4g} to "
+            f"{high[0]:.4g} mm and y {low[1]:.4g} to {high[1]:.4g} mm{height}); move it there, and "
+            "check the unit",
+            key=key,
+        )
+    return shares
+
+
+def _region(where: Where, key: str) -> Any:
+    """Return the place as a polygon of the plane."""
+    if where.box is not None:
+        (x0, y0, _), (x1, y1, _) = where.box
+        region = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+    elif where.polygon is not None:
+        region = shapely.Polygon(where.polygon)
+    else:
+        assert where.point is not None and where.radius is not None
+        angle = 2.0 * np.pi / DISC_CORNERS
+        around = angle * np.arange(DISC_CORNERS)
+        radius = where.radius * np.sqrt(angle / np.sin(angle))
+        circle = radius * np.column_stack([np.cos(around), np.sin(around)])
+        region = shapely.Polygon(np.array(where.point[:2]) + circle)
+    if where.box is not None and not region.area > 0.0:
+        raise InputError(f"has no area ({where.in_words}); a pressure needs one", key=key)
+    if not region.is_valid:
+        raise InputError(
+            f"crosses itself ({explain_validity(region)}, in m); give its corners in order",
+            key=f"{key}.polygon",
+        )
+    shapely.prepare(region)
+    return region

@@ -1,7 +1,11 @@
-"""What fields, files and solver ask the mesh of an undeformed sheet, whatever its elements are."""
+"""What fields, files and solver ask the mesh of a sheet, and the fibres of a deformed one.
+
+:class:`SheetMesh` is what every mesh of a sheet answers, whatever its elements are.
+"""
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -76,3 +80,88 @@ class SheetMesh(Protocol):
         a1 and a2 lie in the mid-surface; a3 is half the director, or the unit normal where the
         mesh has no thickness.
         """
+
+
+# --- fibre directions of a deformed sheet, and the shear angle between them -----------------------
+
+
+class UndeformedFrame:
+    """What of a mesh its undeformed positions decide, computed once: every output asks for it."""
+
+    node_positions: np.ndarray
+    fibre_direction_1: np.ndarray
+    fibre_direction_2: np.ndarray
+
+    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    @cached_property
+    def initial_base_vectors(self) -> np.ndarray:
+        """Base vectors of the undeformed mesh (element_count, 3, 3)."""
+        return self.base_vectors(self.node_positions)
+
+    @cached_property
+    def fibre_components(self) -> tuple[np.ndarray, np.ndarray]:
+        """Components (element_count, 3) of both fibre directions in them."""
+        base = self.initial_base_vectors
+        return components(base, self.fibre_direction_1), components(base, self.fibre_direction_2)
+
+    @cached_property
+    def initial_bend_part(self) -> np.ndarray:
+        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        return self.bend_part(self.node_positions)
+
+
+def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Return the contravariant components (..., 3) of directions (..., 3) in bases (..., 3, 3)."""
+    return np.linalg.solve(np.swapaxes(base, -1, -2), direction[..., None])[..., 0]
+
+
+def carried(components: np.ndarray, current: np.ndarray) -> np.ndarray:
+    """Return F·direction (..., 3): components (..., 3) of the reference in the current base."""
+    first, second, third = (components[..., k, None] * current[..., k, :] for k in range(3))
+    return first + second + third
+
+
+def angle_of_shear(
+    direction_1: np.ndarray, direction_2: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """Return a right angle minus the angle from direction 1 to 2 about the unit normal [rad].
+
+    The length of the directions (..., 3) does not matter.
+    """
+    # arctan of cosine over sine stays exact for small angles, where arccos loses half the digits.
+    return np.arctan2(
+        np.einsum("...i,...i->...", direction_1, direction_2),
+        np.einsum("...i,...i->...", np.cross(direction_1, direction_2), normal),
+    )
+
+
+def change_of_angle(
+    line_1: np.ndarray, line_2: np.ndarray, normal: np.ndarray, apart: float
+) -> np.ndarray:
+    """Return by how much the angle from line 1 to 2 about the unit normal has become smaller [rad].
+
+    Parameters
+    ----------
+    line_1, line_2 : (..., 3), of any length. apart : from 1 to 2 at the start [rad]; lines have no
+        sense, so that the angle counts up to π.
+    """
+    initial = apart % np.pi
+    # the sense of line 2 in which it lay on the left of line 1
+    sense = 1.0 if apart % (2.0 * np.pi) < np.pi else -1.0
+    along = np.einsum("...i,...i->...", line_1, line_2)
+    across = np.einsum("...i,...i->...", np.cross(line_1, line_2), normal)
+    return initial - np.arctan2(sense * across, sense * along)
+
+
+def shear_angles(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
+    """Return the shear angle of every element [rad] at node positions (..., node_count, 3)."""
+    current = mesh.base_vectors(positions)
+    normal = np.cross(current[..., 0, :], current[..., 1, :])
+    normal /= np.linalg.norm(normal, axis=-1)[..., None]
+    first, second = (carried(own, current) for own in mesh.fibre_components)
+    return angle_of_shear(first, second, normal)

@@ -10,11 +10,15 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.fields.courses import COURSE, JOINT_GAP
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.sheet import (
+    COURSE,
+    JOINT_GAP,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+)
+from lcmchain.mesh.lines import cut_edges, in_order
 from lcmchain.mesh.places import Places
-from lcmchain.mesh.plane_cut import cut_edges
-from lcmchain.mesh.rim import in_order
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,7 +19,7 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     vector,
 )
-from lcmchain.mesh.fibre_lines import lines_along
+from lcmchain.mesh.lines import lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE
 
 if TYPE_CHECKING:

@@ -10,8 +10,14 @@ import matplotlib
 import numpy as np
 from matplotlib.colors import to_rgba
 
-from lcmchain.fields.courses import COURSE, JOINT_GAP, course_names
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.fields.sheet import (
+    COURSE,
+    JOINT_GAP,
+    course_names,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+)
 from lcmchain.fields.stack import PLY, ply_names
 from lcmchain.report.drawn_tools import DepthBuffer, RunTools, draw_tool
 from lcmchain.report.fibre_segments import fibre_lines

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.fields.courses import course_names
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import tool_places
-from lcmchain.fields.sheet import sheet_positions
+from lcmchain.fields.sheet import course_names, sheet_positions
 from lcmchain.fields.stack import ply_names, without_films
 from lcmchain.fields.stages import last_frames
 from lcmchain.fields.summary import has_forces

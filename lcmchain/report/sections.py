@@ -18,7 +18,7 @@ from lcmchain.fields.sheet import (
     sheet_positions,
     vector,
 )
-from lcmchain.mesh.plane_cut import cut_edges
+from lcmchain.mesh.lines import cut_edges
 from lcmchain.report.drawn_tools import RunTools
 from lcmchain.report.renderer import axes_at, label_axes
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save

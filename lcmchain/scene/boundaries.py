@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from lcmchain.mesh.where import NamedPlace, Where
+from lcmchain.mesh.places import NamedPlace, Where
 from lcmchain.quantities.at_work import AtWork
 from lcmchain.quantities.entry_types import (
     POSITIVE,

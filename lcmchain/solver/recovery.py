@@ -15,7 +15,7 @@ import numpy as np
 
 from lcmchain.elements.family import Body
 from lcmchain.elements.fibre_volume import SOLID_FIBRE
-from lcmchain.mesh.fibres import shear_angles
+from lcmchain.mesh.sheet_mesh import shear_angles
 from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.solver.guards import (

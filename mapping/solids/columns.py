@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from lcmchain.jit import routine, strict_equation
 from lcmchain.mapping.solids.tetrahedra import HEXAHEDRON, WEDGE, Solids, solids
 from lcmchain.mapping.surfaces.surface import COINCIDENCE, Surface
-from lcmchain.mesh.box_tree import STACK, BoxTree, box_tree, items_in_box
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import STACK, BoxTree, box_tree, closest_point_of_triangle, items_in_box
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ import numpy as np
 from lcmchain.jit import equation, routine
 from lcmchain.mapping.surfaces.surface import Surface
 from lcmchain.mapping.target import CellPolygons
-from lcmchain.mesh.box_tree import STACK, BoxTree, items_in_box, order_along_curve
+from lcmchain.mesh.search import STACK, BoxTree, items_in_box, order_along_curve
 
 # Faces steeper than this against the cell (75.5 degrees) say nothing about it: their projection
 # is a thin strip whose place depends on where the tangent plane was put.

@@ -9,8 +9,7 @@ import numpy as np
 
 from lcmchain.jit import routine
 from lcmchain.mapping.surfaces.surface import Surface
-from lcmchain.mesh.box_tree import STACK, distance2_to_box
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import STACK, closest_point_of_triangle, distance2_to_box
 
 # A foot point that lies on the edge of the sheet belongs to a point beside it once the tangential
 # offset exceeds this fraction of the face radius; below, the point is over the sheet.

@@ -10,7 +10,7 @@ import numpy as np
 
 from lcmchain.jit import equation, routine
 from lcmchain.mapping.surfaces.gradients import GradientStencil, gradient_stencil
-from lcmchain.mesh.box_tree import BoxTree, bounding_box, box_tree
+from lcmchain.mesh.search import BoxTree, bounding_box, box_tree
 
 # Nodes closer than this fraction of the mesh's size are the same place: files written face by
 # face (STL) repeat their nodes, and every edge would look like an edge of the sheet.

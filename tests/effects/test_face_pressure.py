@@ -12,7 +12,7 @@ from lcmchain.effects.face_pressure import PressureOnFace, face_forces, face_fre
 from lcmchain.effects.supports import Support
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
-from lcmchain.fields.pressure import pressure_fields
+from lcmchain.fields.derived import pressure_fields
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

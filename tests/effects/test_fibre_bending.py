@@ -23,7 +23,7 @@ from lcmchain.effects.fibre_bending import (
 )
 from lcmchain.elements.blocks import LANES
 from lcmchain.mesh.blank import Blank, build_blank
-from lcmchain.mesh.fibre_lines import fibre_lines
+from lcmchain.mesh.lines import fibre_lines
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

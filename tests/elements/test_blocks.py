@@ -14,7 +14,7 @@ from lcmchain.elements.blocks import (
     own_blocks,
 )
 from lcmchain.elements.solid_shell.kernel import ALIGNED_ROWS, GENERAL
-from lcmchain.mesh.numbering import STRETCH
+from lcmchain.mesh.lattice import STRETCH
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

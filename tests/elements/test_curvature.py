@@ -10,8 +10,8 @@ from lcmchain.elements.solid_shell.energies import strain_energies
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.elements.solid_shell.tangent import linearise, node_stiffness
 from lcmchain.fields.derived import derive_fields
-from lcmchain.mesh.bends import bend_part, edge_neighbours
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.hexahedron import bend_part, edge_neighbours
 from lcmchain.model import assemble_model
 from lcmchain.verification.random_elements import (
     corner_forces,

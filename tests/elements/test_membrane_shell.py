@@ -27,8 +27,8 @@ from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geomet
 from lcmchain.errors import InputError
 from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.step_measure import nodal_bound
-from lcmchain.mesh.triangulation import TriangleMesh, triangulate
+from lcmchain.mesh.cells import nodal_bound
+from lcmchain.mesh.mid_surface import TriangleMesh, triangulate
 
 EDGE, THICKNESS = 5e-3, 1.004e-3
 LOCKING = ShearLocking.from_angle(np.radians(25.0), 20e9)

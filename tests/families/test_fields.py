@@ -16,7 +16,7 @@ from lcmchain.fields.dataset import LaidSheet, SheetFrames, laid_datasets, sheet
 from lcmchain.fields.sheet import BUCKLES, families_of, fibre_strains, mesh_axes, vector
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import field_summary
-from lcmchain.fields.waves import elements_per_wave
+from lcmchain.fields.wrinkles import elements_per_wave
 from lcmchain.report.fibre_segments import fibre_lines
 from lcmchain.scene import scene_from_text
 

@@ -22,10 +22,10 @@ from lcmchain.mapping.structure import SolverOptions, map_and_analyse
 from lcmchain.mapping.structure.mapped_file import open_mapped
 from lcmchain.mesh_files.meshio_names import ADDED, is_known_to_vtk
 from lcmchain.mesh_files.readers import (
-    abaqus_elements,
+    abaqus_scope,
     cgns,
     exodus,
-    gmsh_sections,
+    gmsh,
     lsdyna,
     med,
     nastran,
@@ -84,8 +84,8 @@ def types_of_readers():
     """Cell types by reader, from the readers' own tables."""
     found = {
         "Abaqus": {
-            *abaqus_elements._SHELL_SHAPES.values(), *abaqus_elements._SOLID_SHAPES.values(),
-            *abaqus_elements._STRI.values(), *abaqus_elements._CONTINUUM_SHELL.values(),
+            *abaqus_scope._SHELL_SHAPES.values(), *abaqus_scope._SOLID_SHAPES.values(),
+            *abaqus_scope._STRI.values(), *abaqus_scope._CONTINUUM_SHELL.values(),
         },
         "Nastran": {
             name
@@ -102,7 +102,7 @@ def types_of_readers():
         "NETGEN": {
             *netgen.netgen2d_to_meshio_type.values(), *netgen.netgen3d_to_meshio_type.values(),
         },
-        "Gmsh": {kind.name for kind in gmsh_sections.KINDS.values()},
+        "Gmsh": {kind.name for kind in gmsh.KINDS.values()},
         "MED": set(med._TYPES.values()),
         "CGNS": {name for name, _ in cgns._TYPES.values()},
         "Exodus": {name for shapes in exodus._SHAPES.values() for name in shapes.values()},

@@ -18,7 +18,7 @@ from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, model_datasets, read_group, write_forming_netcdf
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.triangulation import triangulate
+from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import Sheet, assemble_bodies
 from lcmchain.scene import Contact, Element, MembraneShellElement, Process, scene_from_text
 from lcmchain.solver.simulation import Simulation

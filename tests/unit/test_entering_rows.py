@@ -10,8 +10,7 @@ from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.entering_rows import Axes, Wish, entering_rows
-from lcmchain.identification.events import contact_of, drops_of
+from lcmchain.identification.entering_rows import Axes, Wish, contact_of, drops_of, entering_rows
 from lcmchain.identification.from_file import (
     identify_compaction_file,
     identify_off_axis_file,

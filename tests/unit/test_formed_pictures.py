@@ -15,7 +15,7 @@ from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.triangulation import triangulate
+from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.report import draw_result, plots, sections
 from lcmchain.report.animation import draw_animation
 from lcmchain.report.drawn_tools import BEHIND, DepthBuffer, RunTools, draw_tool, hidden_and_seen

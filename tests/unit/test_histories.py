@@ -26,7 +26,7 @@ from lcmchain.fields.loads import (
 )
 from lcmchain.fields.sheet import edge_length, largest_turn
 from lcmchain.fields.summary import field_summary
-from lcmchain.mesh.bends import largest_ripple
+from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PEAK_FORCE, PEAK_TIME, SAMPLE_COLUMNS, SAMPLES

@@ -16,9 +16,9 @@ from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.errors import InputError
 from lcmchain.identification.bending import identify_bending
 from lcmchain.identification.cantilever_tests import COLUMNS as BENDING_COLUMNS
+from lcmchain.identification.cantilever_tests import fit_deflection_curve
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData, read_coupon
-from lcmchain.identification.deflection_curve import fit_deflection_curve
 from lcmchain.identification.files import draw_fit, scene_snippet, write_identification
 from lcmchain.identification.from_file import identify_compaction_file
 from lcmchain.identification.regression import exponential, fit_linear

@@ -11,13 +11,13 @@ import pytest
 from lcmchain import cli
 from lcmchain.coupons.analytic import PictureFrame
 from lcmchain.errors import InputError
-from lcmchain.identification.bending_loop import identify_bending_loop
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.files import scene_snippet
 from lcmchain.identification.from_file import identify_bending_loop_file, identify_shear_loop_file
-from lcmchain.identification.lack_of_fit import falling_row
+from lcmchain.identification.loops.bending import identify_bending_loop
+from lcmchain.identification.loops.shear import identify_shear_loop, shear_loops
+from lcmchain.identification.regression import falling_row
 from lcmchain.identification.result import FitRefusedError
-from lcmchain.identification.shear_loop import identify_shear_loop, shear_loops
 from lcmchain.identification.synthetic import (
     bending_loop_curve,
     preset_fabric,

@@ -15,8 +15,7 @@ from lcmchain.identification.bending import identify_bending
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.files import scene_snippet
-from lcmchain.identification.lack_of_fit import falling_row, lack_of_fit
-from lcmchain.identification.regression import fit_linear
+from lcmchain.identification.regression import falling_row, fit_linear, lack_of_fit
 from lcmchain.identification.result import FitRefusedError
 from lcmchain.identification.shear import identify_shear
 from lcmchain.identification.synthetic import (

@@ -11,9 +11,8 @@ from lcmchain.errors import InputError
 from lcmchain.mesh.blank import Blank, build_blank
 from lcmchain.mesh.cells import boundary_edges
 from lcmchain.mesh.contours import contours_of
-from lcmchain.mesh.places import Places
-from lcmchain.mesh.rim import pieces_along
-from lcmchain.mesh.where import Where
+from lcmchain.mesh.lines import pieces_along
+from lcmchain.mesh.places import Places, Where
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1e-3

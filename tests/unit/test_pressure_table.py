@@ -17,9 +17,11 @@ from lcmchain.fields import limits
 from lcmchain.fmu.build import stage_scene
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.from_file import identify_compaction_file
-from lcmchain.identification.pressure_table import identify_pressure_table
 from lcmchain.identification.result import FitRefusedError
-from lcmchain.identification.sheared_compaction import identify_sheared_compaction
+from lcmchain.identification.sheared_compaction import (
+    identify_pressure_table,
+    identify_sheared_compaction,
+)
 from lcmchain.materials.fabric import FabricCompaction
 from lcmchain.materials.law import (
     hourglass_tangent,

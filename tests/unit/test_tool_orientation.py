@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import closest_point_of_triangle
 from lcmchain.tools import ToolWarning, build_tool_table, gaps
 from lcmchain.tools.shapes.surface_mesh import SurfaceMesh
 from lcmchain.tools.surfaces.closest import closest_places, triangle_tree

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.fields.hidden_compaction import hidden_compaction_warnings
+from lcmchain.fields.limits import hidden_compaction_warnings
 from lcmchain.fields.summary import field_warnings
-from lcmchain.fields.waves import elements_per_wave, wave_warnings
+from lcmchain.fields.wrinkles import elements_per_wave, wave_warnings
 from lcmchain.judgements.contact import penetration_warnings
 from lcmchain.judgements.grades import Verdict, worst_grade
 from lcmchain.judgements.quasi_static import (
@@ -20,7 +20,7 @@ from lcmchain.judgements.quasi_static import (
 )
 from lcmchain.judgements.verdicts import verdicts
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.triangulation import triangulate
+from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import build_model
 from lcmchain.quantities.rounded import percent
 from lcmchain.scene import scene_from_text

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.fields.wrinkles import WAVE_PART, longest_wave, wrinkle_height
 from lcmchain.mesh.blank import build_blank
-from lcmchain.mesh.triangulation import triangulate
+from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.scene import scene_from_text
 from lcmchain.tools.table import build_tool_table
 

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lcmchain.fields.derived import derive_fields
-from lcmchain.fields.pressure import pressure_fields
+from lcmchain.fields.derived import derive_fields, pressure_fields
 from lcmchain.model import Model, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.statics import DirectorCouples, StaticProblem, solve

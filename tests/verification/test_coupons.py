@@ -12,7 +12,7 @@ from lcmchain.coupons.compaction import compaction
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.coupons.result import write_coupon
 from lcmchain.errors import InputError
-from lcmchain.fields.netcdf import read_forming
+from lcmchain.fields.netcdf_file import read_forming
 from lcmchain.scene import Element, scene_from_text
 
 SCENE = """

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material, fibre_angles
-from lcmchain.mesh.fibres import change_of_angle
+from lcmchain.mesh.sheet_mesh import change_of_angle
 
 #: Steps of the stretch between two asked ones, and of Newton's method.
 LONGEST_STEP = 2e-3

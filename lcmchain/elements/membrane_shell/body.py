@@ -49,8 +49,8 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.mesh.step_measure import SWEEPS, nodal_bound
-from lcmchain.mesh.triangulation import TriangleMesh, triangulate
+from lcmchain.mesh.cells import SWEEPS, nodal_bound
+from lcmchain.mesh.mid_surface import TriangleMesh, triangulate
 
 # Below this fraction of its initial area a triangle counts as collapsed: the fibres are sheared to
 # within 3 degrees of each other.

@@ -330,7 +330,7 @@ def nodal_frequency_bounds(
     Parameters
     ----------
     body, positions : as for :func:`membrane_shell_forces`; mass : (node_count,) [kg].
-    node_weight : (node_count,) w of the fibre strains, see :mod:`lcmchain.mesh.step_measure`.
+    node_weight : (node_count,) w of the fibre strains, see :mod:`lcmchain.mesh.cells`.
     membrane, bending : (6, node_count), scratch: D of the two parts.
     omega2 : (node_count,) [1/s²], written. controlling_part : (node_count,) int64, written: 0 where
         the membrane has the larger share, 1 where bending has it.

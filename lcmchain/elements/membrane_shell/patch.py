@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.triangulation import TriangleMesh
+from lcmchain.mesh.mid_surface import TriangleMesh
 
 CORNERS = 3
 PATCH_NODES = 6
@@ -49,7 +49,7 @@ def triangle_geometry(mesh: TriangleMesh, bending_stiffness: ArrayLike) -> Trian
 
     Parameters
     ----------
-    mesh : :class:`lcmchain.mesh.triangulation.TriangleMesh`.
+    mesh : :class:`lcmchain.mesh.mid_surface.TriangleMesh`.
     bending_stiffness : (3,) stiffnesses of the curvatures 11, 22 and twice 12, in any unit. They
         enter at free edges only: there the missing node of the patch lies where it costs least
         energy, which is the condition of an edge without moments.

@@ -15,8 +15,8 @@ and the last part, where the tilt is, is dropped; likewise for a5 along η. So
 
 with four numbers per element that follow from c and stay constant between renewals. E33 is
 stationary in them, ∂E33/∂c ~ b - c: forces, and the linear behaviour of a sheet that is curved at
-the start, hardly depend on when they were renewed. ``lcmchain/mesh/bends.py`` writes the same in
-NumPy, for the fields.
+the start, hardly depend on when they were renewed. ``lcmchain/mesh/hexahedron.py`` writes the same
+in NumPy, for the fields.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from lcmchain.elements.solid_shell.kernel import (
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import load_history
-from lcmchain.mesh.bends import LARGEST_TILT, LARGEST_TURN, RIDGE
+from lcmchain.mesh.hexahedron import LARGEST_TILT, LARGEST_TURN, RIDGE
 
 # Changes of E33 below this put no energy in that double precision would show.
 SMALLEST_CHANGE = 1e-13

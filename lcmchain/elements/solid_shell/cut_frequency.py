@@ -5,7 +5,7 @@ elements fall into two groups, those near the cut and the others, each with the 
 elements give to the nodes: ω² of the sheet is at most the larger of the two groups' (the sum of two
 fractions is no larger than the larger of them). Within the group near the cut the rows of the
 stiffness are shared out to the nodes by Cauchy's inequality, as in
-:mod:`lcmchain.mesh.step_measure`, and what is not a sum of squares keeps its bound by element:
+:mod:`lcmchain.mesh.cells`, and what is not a sum of squares keeps its bound by element:
 
     ω² <= max over nodes n of λ_max(D_n)/m_n + max over elements of the rest
 """
@@ -22,7 +22,7 @@ from lcmchain.elements.lane_runs import find_runs
 from lcmchain.elements.solid_shell.frequency import NodalShares, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
 from lcmchain.elements.solid_shell.kernel import SolidShellData
-from lcmchain.mesh.step_measure import cut_nodes
+from lcmchain.mesh.cells import cut_nodes
 
 
 @dataclass(frozen=True, eq=False)

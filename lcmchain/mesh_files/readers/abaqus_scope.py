@@ -1,7 +1,14 @@
-"""Nodes, elements and sets of one part, instance or whole Abaqus deck, as they are read."""
+"""Nodes, elements and sets of one part, instance or whole Abaqus deck, as they are read.
+
+Source: Abaqus Elements Guide, element index; CalculiX CrunchiX user's manual, "Element types": both
+number nodes as VTK does, mid-side nodes included. Abaqus Keywords Guide, *NODE (SYSTEM=R, C, S;
+angles in degrees), *SYSTEM; *NMAP says from where the angles of spherical coordinates are counted:
+theta about z from the plane of x and z, phi from the plane of x and y.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,24 +17,180 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, Cells, Place
-from lcmchain.mesh_files.readers.abaqus_blocks import Block, words
-from lcmchain.mesh_files.readers.abaqus_coordinates import (
-    SPHERICAL,
-    LocalSystem,
-    coordinate_kind,
-    local_system,
-    places,
-)
-from lcmchain.mesh_files.readers.abaqus_elements import cell_type, second_choice
-from lcmchain.mesh_files.readers.abaqus_numbers import (
+from lcmchain.mesh_files.readers.abaqus_blocks import (
+    Block,
     element_count,
     element_table,
     elements_left_out,
     node_table,
     number_range,
+    real,
     whole,
+    words,
 )
 from lcmchain.mesh_files.shapes import base_type, corner_count
+
+# --- element types that are cells of a mesh to map onto -------------------------------------------
+
+
+_SHELL_SHAPES = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+_SOLID_SHAPES = {
+    4: "tetra",
+    5: "pyramid",
+    6: "wedge",
+    8: "hexahedron",
+    10: "tetra10",
+    13: "pyramid13",
+    15: "wedge15",
+    20: "hexahedron20",
+}
+# Variants (reduced integration, hybrid, thermal, ...) follow the number of nodes as letters.
+_SHELL = re.compile(r"(?:S|US|DS|M3D|CPS|CPE|CPEG|DC2D)(\d+)(?:R5|[A-Z]*5?)")
+# Rigid, surface and axisymmetric elements, which are cells only where a deck has no shells: so
+# meshio writes triangles and quadrilaterals.
+_SECOND_CHOICE = re.compile(r"(?:R3D|SFM3D|CAX)(\d+)[A-Z]*")
+_STRI = {"STRI3": "triangle", "STRI65": "triangle6"}
+_CONTINUUM_SHELL = {"SC6": "wedge", "SC8": "hexahedron", "CSS8": "hexahedron"}
+_SOLID = re.compile(r"(?:C3D|DC3D|DCC3D|Q3D|EC3D)(\d+)([A-Z]*)")
+
+#: Faces of solids by their number from 1, corners from 0.
+FACES: dict[str, list[tuple[int, ...]]] = {
+    "tetra": [(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)],
+    "pyramid": [(0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)],
+    "wedge": [(0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)],
+    "hexahedron": [
+        *[(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)],
+        *[(1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)],
+    ],
+}
+
+
+def _second_choice(element: str) -> str | None:
+    """Return meshio's name of the shape of an element that is a cell only for want of shells."""
+    found = _SECOND_CHOICE.fullmatch(element.upper())
+    return _SHELL_SHAPES.get(int(found[1][:3])) if found is not None else None
+
+
+def _cell_type(element: str) -> str | None:
+    """Return meshio's name of an element type's shape; None where it is no shell and no solid.
+
+    Continuum shells (SC6R, SC8R) are wedges and hexahedra. Rigid, cohesive, gasket and surface
+    elements, beams and those with a varying number of nodes are none.
+    """
+    element = element.upper()
+    if element in _STRI:
+        return _STRI[element]
+    for begin, shape in _CONTINUUM_SHELL.items():
+        if re.fullmatch(f"{begin}R?H?T?", element):
+            return shape
+    if (found := _SHELL.fullmatch(element)) is not None:
+        return _SHELL_SHAPES.get(int(found[1][:3]))
+    found = _SOLID.fullmatch(element)
+    if found is None or "V" in found[2]:
+        return None
+    return _SOLID_SHAPES.get(int(found[1][:3]))
+
+
+# --- coordinates: local systems, cylindrical and spherical ones -----------------------------------
+
+
+RECTANGULAR, CYLINDRICAL, SPHERICAL = "R", "C", "S"
+_KINDS = {"": RECTANGULAR, "RECTANGULAR": RECTANGULAR, "CYLINDRICAL": CYLINDRICAL,
+          "SPHERICAL": SPHERICAL}  # fmt: skip
+
+
+class _LocalSystem(NamedTuple):
+    """Origin (3,) and unit vectors of the axes as rows (3, 3), in the system of the deck."""
+
+    origin: np.ndarray
+    axes: np.ndarray
+
+
+def _coordinate_kind(block: Block) -> str:
+    """Return how a *NODE block gives its nodes: ``R``, ``C`` or ``S``.
+
+    Raises
+    ------
+    InputError : SYSTEM is none of these.
+    """
+    given = block.parameters.get("SYSTEM", "").upper()
+    kind = _KINDS.get(given, given)
+    if kind not in (RECTANGULAR, CYLINDRICAL, SPHERICAL):
+        raise block.error(
+            f"has SYSTEM={given}; it may be R (x, y, z), C (r, theta, z) or S (r, theta, phi)"
+        )
+    return kind
+
+
+def _local_system(block: Block) -> _LocalSystem | None:
+    """Return the system that a *SYSTEM block defines; None where it goes back to that of the deck.
+
+    Three numbers move the origin; three more are a point on the x axis, which stays in the plane of
+    x and y of the deck unless a second line gives a point in the local plane of x and y.
+
+    Raises
+    ------
+    InputError : the numbers make no system.
+    """
+    numbers = _numbers(block)
+    if not numbers or not numbers[0]:
+        return None
+    counts = [3 * -(-len(line) // 3) for line in numbers]  # blank entries at the end are zero
+    if counts not in ([3], [6], [6, 3]):
+        raise block.error(
+            "takes the origin and maybe a point on the x axis in its first line, and maybe a point "
+            "in the plane of x and y in its second: 3 or 6 numbers, and 3"
+        )
+    numbers = [
+        line + [0.0] * (count - len(line)) for line, count in zip(numbers, counts, strict=True)
+    ]
+    origin = np.array(numbers[0][:3])
+    if counts == [3]:
+        return _LocalSystem(origin, np.eye(3))
+    x = np.array(numbers[0][3:]) - origin
+    if len(numbers) == 1:
+        x[2] = 0.0
+        z = np.array([0.0, 0.0, 1.0])
+    else:
+        z = np.cross(x, np.array(numbers[1]) - origin)
+    lengths = float(np.linalg.norm(x)), float(np.linalg.norm(z))
+    if not np.isfinite(lengths).all() or min(lengths) <= 1e-12 * max(1.0, *lengths):
+        raise block.error("has no three different axes: its points coincide or lie on a line")
+    x, z = x / lengths[0], z / lengths[1]
+    return _LocalSystem(origin, np.stack([x, np.cross(z, x), z]))
+
+
+def _numbers(block: Block) -> list[list[float]]:
+    """Numbers of each data line, without blank entries at its end."""
+    found: list[list[float]] = []
+    for row, text in enumerate(block.data):
+        entries = words(text)
+        while entries and not entries[-1]:
+            entries.pop()
+        try:
+            found.append([real(entry) if entry else 0.0 for entry in entries])
+        except ValueError:
+            raise block.place_of(row).error("*SYSTEM takes numbers") from None
+    return found
+
+
+def _places(given: np.ndarray, kind: str, system: _LocalSystem | None) -> np.ndarray:
+    """Return the places (N, 3) of coordinates (N, 3) of a kind, given in a local system."""
+    if kind != RECTANGULAR:
+        r, theta, third = given.T
+        theta = np.radians(theta)
+        height = third
+        if kind == SPHERICAL:
+            phi = np.radians(third)
+            r, height = r * np.cos(phi), r * np.sin(phi)
+        given = np.stack([r * np.cos(theta), r * np.sin(theta), height], axis=1)
+    if system is None:
+        return given
+    with np.errstate(over="ignore", invalid="ignore"):  # places far off are told by the cells
+        return given @ system.axes + system.origin
+
+
+# --- one scope ------------------------------------------------------------------------------------
 
 
 class Entry(NamedTuple):
@@ -95,7 +258,7 @@ class Scope:
     sections: list[str] = field(default_factory=list)
     aside: dict[str, int] = field(default_factory=dict)
     left_out: list[tuple[int, Sequence[int]]] = field(default_factory=list)
-    system: LocalSystem | None = None
+    system: _LocalSystem | None = None
     spherical: list[int] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)
     other_surfaces: list[str] = field(default_factory=list)
@@ -116,25 +279,25 @@ class Scope:
 
     def read_nodes(self, block: Block) -> None:
         """Take a *NODE block."""
-        kind = coordinate_kind(block)
+        kind = _coordinate_kind(block)
         if kind == SPHERICAL:
             self.spherical.append(block.place.line)
         ids, points = node_table(block)
         self.ids.append(ids)
-        self.points.append(places(points, kind, self.system))
+        self.points.append(_places(points, kind, self.system))
         self.node_blocks.append(block)
         if block.parameters.get("NSET"):
             self.node_sets.add(block.parameters["NSET"], [Entry(ids, "", "", block.place)])
 
     def read_system(self, block: Block) -> None:
         """Take a *SYSTEM block, which holds for the nodes behind it."""
-        self.system = local_system(block)
+        self.system = _local_system(block)
 
     def read_elements(self, block: Block) -> None:
         """Take an *ELEMENT block; elements that are no shells or solids are counted."""
         element = block.name("TYPE").upper()
-        first_choice = cell_type(element)
-        shape = first_choice or second_choice(element)
+        first_choice = _cell_type(element)
+        shape = first_choice or _second_choice(element)
         if shape is None:
             self.aside[element] = self.aside.get(element, 0) + element_count(block)
             left_out = elements_left_out(block)

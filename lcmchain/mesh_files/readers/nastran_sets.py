@@ -21,8 +21,7 @@ from lcmchain.mesh_files.file_mesh import (
     Place,
     keep_as_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_card import Card
-from lcmchain.mesh_files.readers.nastran_cards import NastranDeck
+from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
 

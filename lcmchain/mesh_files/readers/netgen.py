@@ -19,7 +19,7 @@ from meshio.netgen._netgen import (
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import FileMesh, Place
-from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.decks import deck_lines
 
 #: Columns before the number of nodes of an element: of its boundary or material, and of the count.
 _SURFACES = {"surfaceelements": (1, 4), "surfaceelementsgi": (1, 4), "surfaceelementsuv": (1, 4)}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.mesh_files.file_mesh import FileMesh, Place
-from lcmchain.mesh_files.readers.deck_text import deck_lines
+from lcmchain.mesh_files.readers.decks import deck_lines
 
 _SHAPES = {3: "triangle", 4: "quad"}
 #: Statements that shape a curved surface, which is none of facets.

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from lcmchain.mesh.bends import largest_ripple
+from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.quantities.entry_types import LengthOrZero, PositiveLength
 from lcmchain.quantities.rounded import two_digits
 from lcmchain.thresholds import LARGEST_RIPPLE

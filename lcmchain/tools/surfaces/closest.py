@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import closest_point_of_triangle
 
 #: Triangles per leaf of the tree, and bits per axis of the curve that they are sorted along.
 LEAF = 8

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from lcmchain.jit import strict_equation
-from lcmchain.mesh.closest_point import closest_point_of_triangle
+from lcmchain.mesh.search import closest_point_of_triangle
 from lcmchain.tools.surfaces.surface import Surface
 
 #: Largest difference of distances, in spacings, at which two open edges count as equally close.

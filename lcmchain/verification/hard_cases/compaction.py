@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lcmchain.fields.pressure import pressure_fields
+from lcmchain.fields.derived import pressure_fields
 from lcmchain.solver.simulation import Simulation
 from lcmchain.verification.hard_cases.case import CaseResult, guarded, hard_case, stopped
 from lcmchain.verification.hard_cases.sheets import (

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.places import Places
-from lcmchain.mesh.where import Where
+from lcmchain.mesh.places import Places, Where
 
 from .conftest import strip
 

@@ -1,7 +1,7 @@
 """Bending with friction from loops of moment over curvature, as Kawabata's test measures them.
 
 The elastic moment is odd in the curvature: one stiffness, or a softening curve by points where the
-tests ask for it. Beside it stands Dahl's friction (:mod:`lcmchain.identification.loops`).
+tests ask for it. Beside it stands Dahl's friction (:mod:`lcmchain.identification.loops.fit`).
 
 Source: Kawabata, "The standardization and analysis of hand evaluation" (1980): bending rigidity
 from the slope of the branches, 2HB from the width of the loop.
@@ -16,8 +16,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.loop_judgement import Words, judge
-from lcmchain.identification.loops import (
+from lcmchain.identification.loops.fit import (
     NOISE_FLOOR,
     LoopFit,
     Loops,
@@ -29,6 +28,7 @@ from lcmchain.identification.loops import (
     needs,
     rubs,
 )
+from lcmchain.identification.loops.judgement import Words, judge
 from lcmchain.identification.regression import coefficient_of_determination
 from lcmchain.identification.result import (
     Identification,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lcmchain.identification.lack_of_fit import LackOfFit, falling_row, lack_of_fit
-from lcmchain.identification.loops import LoopFit, Loops
+from lcmchain.identification.loops.fit import LoopFit, Loops
+from lcmchain.identification.regression import LackOfFit, falling_row, lack_of_fit
 
 #: Mean deviation of a band that matters, over the largest value, and over the friction.
 TOLERANCE, TOLERANCE_OF_FRICTION = 0.05, 0.1

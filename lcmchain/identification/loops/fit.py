@@ -11,7 +11,7 @@ begins at rest, at zero.
 
 Both are fitted together (Gauss-Newton, with the bounds of a scene kept exactly). Friction, and its
 growth with the elastic moment, are taken only where they describe the rows better by more than
-chance. Whether they do is judged in :mod:`lcmchain.identification.loop_judgement`.
+chance. Whether they do is judged in :mod:`lcmchain.identification.loops.judgement`.
 """
 
 from __future__ import annotations

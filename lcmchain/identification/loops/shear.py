@@ -2,7 +2,7 @@
 
 The elastic shear is the polynomial of Eq. (21). Beside it stands Dahl's friction, whose limit may
 grow with the elastic moment (:mod:`lcmchain.materials.shear_friction`,
-:mod:`lcmchain.identification.loops`).
+:mod:`lcmchain.identification.loops.fit`).
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ import numpy as np
 from lcmchain.coupons.analytic import PictureFrame, shear_strain
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.loop_judgement import Words, judge
-from lcmchain.identification.loops import (
+from lcmchain.identification.loops.fit import (
     NOISE_FLOOR,
     LoopFit,
     Loops,
@@ -28,6 +27,7 @@ from lcmchain.identification.loops import (
     needs,
     rubs,
 )
+from lcmchain.identification.loops.judgement import Words, judge
 from lcmchain.identification.regression import coefficient_of_determination
 from lcmchain.identification.result import (
     Identification,
