@@ -414,7 +414,7 @@ def document(terminals: Sequence[UnitTerminal]) -> Element:
     if not terminals:
         return root
     listed = SubElement(root, "Terminals")
-    places = _places(terminals)
+    corners = _on_the_edges(terminals)
     for terminal in terminals:
         element = SubElement(
             listed, "Terminal",
@@ -429,11 +429,11 @@ def document(terminals: Sequence[UnitTerminal]) -> Element:
             "defaultConnectionColor": COLOUR_OF_KIND[terminal.kind],
             "defaultConnectionStrokeSize": "1.0",
         }
-        SubElement(element, "TerminalGraphicalRepresentation", {**places[terminal.name], **look})
+        SubElement(element, "TerminalGraphicalRepresentation", {**corners[terminal.name], **look})
     return root
 
 
-def _places(terminals: Sequence[UnitTerminal]) -> dict[str, dict[str, str]]:
+def _on_the_edges(terminals: Sequence[UnitTerminal]) -> dict[str, dict[str, str]]:
     """Return the corners of every terminal, evenly from the top of its edge on."""
     found = {}
     for of_fields, x in ((False, -EXTENT), (True, EXTENT)):

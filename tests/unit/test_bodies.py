@@ -15,6 +15,7 @@ import xugrid
 
 from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.elements.solid_shell.tangent import linearise
+from lcmchain.elements.solid_shell.together import kinds_of
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, model_datasets, read_group, write_forming_netcdf
 from lcmchain.mesh.blank import build_blank
@@ -191,6 +192,14 @@ def test_ranges_follow_each_other_without_gaps():
         nodal_forces(model, np.zeros((3, model.node_count)))
     with pytest.raises(InputError, match="the tangent of the elements is of one sheet"):
         linearise(model, np.zeros((3, model.node_count)))
+
+
+def test_sheets_of_one_mesh_and_unlike_laws_are_of_two_kinds():
+    """As are laws of one type with other numbers: the loop takes the law of the first of a kind."""
+    stiffer = f'{FABRIC}\nmembrane.C13 = "0.2 MPa"'
+    for other, kinds in ((FABRIC, [[0, 1]]), (stiffer, [[0], [1]])):
+        placed = simulation(sheet("one", FABRIC), sheet("other", other)).model.placed
+        assert kinds_of([own.data for own in placed]) == kinds
 
 
 def test_an_unsound_element_names_its_body():
