@@ -414,7 +414,7 @@ def document(terminals: Sequence[UnitTerminal]) -> Element:
     if not terminals:
         return root
     listed = SubElement(root, "Terminals")
-    corners = _on_the_edges(terminals)
+    places = _on_the_edges(terminals)
     for terminal in terminals:
         element = SubElement(
             listed, "Terminal",
@@ -429,7 +429,7 @@ def document(terminals: Sequence[UnitTerminal]) -> Element:
             "defaultConnectionColor": COLOUR_OF_KIND[terminal.kind],
             "defaultConnectionStrokeSize": "1.0",
         }
-        SubElement(element, "TerminalGraphicalRepresentation", {**corners[terminal.name], **look})
+        SubElement(element, "TerminalGraphicalRepresentation", {**places[terminal.name], **look})
     return root
 
 
