@@ -20,7 +20,7 @@ import numpy as np
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.check import require_no_initial_overlap
-from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
+from lcmchain.coupling.cosimulation.description import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu.description import (
     as_bytes,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from lcmchain import __version__
-from lcmchain.coupling.cosimulation.terminals import BUS, SIGNAL
+from lcmchain.coupling.cosimulation.description import BUS, SIGNAL
 from lcmchain.fmu.conduct import CATEGORIES
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.variables import (

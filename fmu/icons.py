@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
-from lcmchain.coupling.cosimulation.terminals import ICONS_FOLDER
+from lcmchain.coupling.cosimulation.description import ICONS_FOLDER
 from lcmchain.fmu.description import EXTENT, ICON_OF_KIND, UnitTerminal
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK
 

@@ -168,6 +168,8 @@ class Helper:
     def _start(self, simulation: Simulation) -> None:
         later = self._later if thread_count() < _cores() else None
         content = pickle.dumps((simulation.model, simulation.state, later))
+        if b"__main__" in content:
+            return  # of a class in the script that runs: no other process can import it
         self._folder = tempfile.TemporaryDirectory(prefix="lcmchain-", ignore_cleanup_errors=True)
         task = pickle.dumps(
             (self._folder.name, numba.config.CACHE_DIR, self._names, content)  # type: ignore[attr-defined]

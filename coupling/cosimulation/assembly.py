@@ -12,21 +12,94 @@ from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.connections import Lines, Link, loops_of, resolve
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
 from lcmchain.coupling.cosimulation.initialization import initialise
-from lcmchain.coupling.cosimulation.instance import CallFailed, new_instance
+from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
-from lcmchain.coupling.cosimulation.scheme import (
-    exchange_of,
-    extrapolation_of,
-    scheme_of,
-    windows_of,
+from lcmchain.coupling.cosimulation.process_instance import new_instance
+from lcmchain.coupling.cosimulation.start_values import (
+    configure,
+    start_values,
+    with_declared_units,
+    without_values,
 )
-from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
 from lcmchain.coupling.cosimulation.stopping import StopRequests
-from lcmchain.coupling.cosimulation.structural_parameters import configure, without_values
-from lcmchain.coupling.cosimulation.system_file import System, UnitEntry
+from lcmchain.coupling.cosimulation.system_file import SchemeEntry, System, UnitEntry, WindowEntry
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.iteration import CoupledSystem
+from lcmchain.coupling.iteration import (
+    CoupledSystem,
+    Exchange,
+    Scheme,
+    Tolerance,
+    WindowControl,
+    aitken,
+    fixed_point,
+    gauss_seidel,
+    iqn_ils,
+    iqn_mvj,
+    jacobi,
+)
 from lcmchain.errors import InputError, SimulationError
+
+# --- scheme, windows and exchanges ----------------------------------------------------------------
+
+
+def scheme_of(entry: SchemeEntry) -> Scheme:
+    """Return a new scheme."""
+    if entry.type == "jacobi":
+        return jacobi()
+    if entry.type == "gauss-seidel":
+        return gauss_seidel()
+    order, most = entry.order, entry.most_iterations
+    factor = entry.relaxation
+    if entry.type == "fixed-point":
+        return fixed_point(1.0 if factor is None else factor, order=order, most_iterations=most)
+    if entry.type == "aitken":
+        return aitken(0.5 if factor is None else factor, order=order, most_iterations=most)
+    first = 0.01 if factor is None else factor
+    if entry.type == "iqn-mvj":
+        return iqn_mvj(order=order, relaxation=first, most_iterations=most)
+    return iqn_ils(
+        order=order, relaxation=first, most_iterations=most, windows_reused=entry.windows_reused
+    )
+
+
+def windows_of(entry: WindowEntry) -> WindowControl:
+    """Return how the windows are led."""
+    return WindowControl(
+        entry.size, smallest=entry.smallest, largest=entry.largest, residual=entry.residual
+    )
+
+
+def exchange_of(link: Link, system: System) -> Exchange:
+    """Return the exchange of a connection; its unit conversion is the mapping."""
+    entry = link.entry
+    tolerance = Tolerance(
+        relative=system.scheme.relative if entry.relative is None else entry.relative,
+        absolute=entry.absolute,
+    )
+    return Exchange(
+        link.source.name,
+        link.target.name,
+        link.output.name,
+        link.input.name,
+        mapping=None if link.conversion.is_identity else link.conversion,
+        tolerance=tolerance,
+        scale=entry.scale,
+        relaxation=entry.relaxation,
+        bounds=entry.bounds,
+        of_window=entry.of_window,
+        within=entry.within,
+    )
+
+
+def extrapolation_of(entry: SchemeEntry) -> int:
+    """Return the order of the extrapolation into a new window."""
+    if entry.extrapolation is not None:
+        return entry.extrapolation
+    return 0 if entry.explicit else 1
+
+
+# --- units ----------------------------------------------------------------------------------------
+
 
 #: Takes a line for the log.
 Log = Callable[[str], None]

@@ -1,19 +1,25 @@
-"""What a unit is: its variables and fields, its abilities, and what depends on what."""
+"""What a unit is: its variables and fields, its abilities, and what depends on what.
+
+It is read from ``modelDescription.xml`` and, in FMI 3.0, from the file of its terminals, which is
+optional and says nothing that a unit needs to run. What ``lcmchain cosim`` does not take of a unit
+is told in the words of the doctor.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from lcmchain.coupling.cosimulation.archive import read_xml
-from lcmchain.coupling.cosimulation.left_out import left_out, names_twice, version_problem
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     PhysicalUnit,
@@ -22,10 +28,207 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_base,
     unit_from_name,
 )
-from lcmchain.coupling.cosimulation.structured_fields import with_fields
-from lcmchain.coupling.cosimulation.terminals import Terminal, read_terminals
 from lcmchain.coupling.cosimulation.variable import LEFT_OUT, STRUCTURAL, TEXT, Variable
 from lcmchain.errors import InputError, shortened
+
+# --- terminals of FMI 3.0: variables that belong together (FMI 3.0.2, 2.4.9) ----------------------
+
+#: Where a unit of FMI 3.0 keeps its icons, and describes them and its terminals.
+ICONS_FOLDER = "terminalsAndIcons"
+TERMINALS_FILE = f"{ICONS_FOLDER}/terminalsAndIcons.xml"
+#: How the members of two terminals are matched: by their names all of them, by their names what
+#: there is, by their places.
+PLUG, BUS, SEQUENCE = "plug", "bus", "sequence"
+#: The kind of variable whose connected values are equal; flows sum up to 0 instead.
+SIGNAL = "signal"
+
+
+@dataclass(frozen=True)
+class Member:
+    """A variable of a terminal: its name there, the variable of the unit, and its kind."""
+
+    name: str
+    variable: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """A terminal; of a nested one ``name`` is the whole path, ``outer.inner``.
+
+    ``has_streams``: it has stream members, which nothing here connects.
+    """
+
+    name: str
+    rule: str
+    members: tuple[Member, ...]
+    has_streams: bool = False
+
+
+def read_terminals(folder: Path, file: Path) -> dict[str, Terminal]:
+    """Return the terminals of an unpacked unit by name; none where it describes none.
+
+    Parameters
+    ----------
+    file : the archive, for messages.
+
+    Raises
+    ------
+    InputError : the description is no XML, or none of terminals.
+    """
+    path = folder / TERMINALS_FILE
+    if not path.is_file():
+        return {}
+    root = read_xml(path.read_bytes(), f"{file} ({TERMINALS_FILE})")
+    if root.tag != "fmiTerminalsAndIcons":
+        raise InputError(
+            f"{TERMINALS_FILE} describes no terminals, but <{shortened(root.tag)}>", file=file
+        )
+    found: dict[str, Terminal] = {}
+    for element in root.findall("Terminals/Terminal"):
+        _read(element, "", found)
+    return found
+
+
+def _read(element: Element, outer: str, found: dict[str, Terminal]) -> None:
+    name = outer + element.get("name", "")
+    members = tuple(
+        Member(
+            member.get("memberName", ""),
+            member.get("variableName", ""),
+            member.get("variableKind", SIGNAL),
+        )
+        for member in element.findall("TerminalMemberVariable")
+    )
+    streams = element.find("TerminalStreamMemberVariable") is not None
+    found[name] = Terminal(name, element.get("matchingRule", ""), members, streams)
+    for inner in element.findall("Terminal"):
+        _read(inner, f"{name}.", found)
+
+
+# --- what is not taken ----------------------------------------------------------------------------
+
+
+#: Names that a sentence lists.
+MOST_NAMES = 5
+
+
+def version_problem(version: str) -> str:
+    """Return why units of a version of FMI are not taken; nothing where they are."""
+    if re.fullmatch(r"2\.0|3\.\d+(\.\d+)?", version):
+        return ""
+    if re.match(r"[23]\..*[A-Za-z]", version):
+        return (
+            f'is of FMI "{version}", a draft whose interface is not that of the standard; 2.0 and '
+            "3.0 are read: export it again for one of these"
+        )
+    return f'is of FMI "{version}"; 2.0 and 3.0 are read'
+
+
+def names_twice(root: Element) -> list[str]:
+    """Return the names that stand in a model description more than once."""
+    names = [entry.get("name", "") for entry in root.find("ModelVariables") or ()]
+    return [name for name, count in Counter(names).items() if count > 1]
+
+
+def left_out(root: Element) -> list[str]:
+    """Return in sentences what is not taken of a unit, from the root of its model description."""
+    variables = list(root.find("ModelVariables") or ())
+    clocks = [v.get("name", "") for v in variables if v.tag == "Clock"]
+    clocked = [v.get("name", "") for v in variables if v.tag != "Clock" and v.get("clocks")]
+    binary = [v.get("name", "") for v in variables if v.tag == "Binary"]
+    twice = names_twice(root)
+    found = []
+    if clocks:
+        found.append(
+            f"its clocks ({_some(clocks)}) do not tick, because lcmchain cosim offers none: what "
+            "waits for them stands still" + (f" ({_some(clocked)})" if clocked else "")
+        )
+    if binary:
+        found.append(f"its binary variables ({_some(binary)}) are left out")
+    if twice:
+        found.append(
+            f"the names of variables are not unique ({_some(twice)}): lcmchain cosim cannot "
+            "connect or set these; give each its own name"
+        )
+    return found
+
+
+# --- fields of FMI 2.0: scalars name[1], name[2], ... that are the values of one variable ---------
+
+
+_INDEXED = re.compile(r"(.+)\[(\d+(?:,\s*\d+)*)\]")
+
+
+def with_fields(
+    scalars: Sequence[Variable],
+) -> tuple[dict[str, Variable], dict[str, Variable], dict[str, str]]:
+    """Put the scalars ``name[1]``, ``name[2]``... together; they keep the order of their indices.
+
+    Returns the variables, the scalars that are values of a field, and the fields of these.
+    """
+    groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
+    for scalar in scalars:
+        match = _INDEXED.fullmatch(scalar.name)
+        if match is not None:
+            index = tuple(int(number) for number in match[2].split(","))
+            groups.setdefault(match[1], []).append((index, scalar))
+    taken = {scalar.name for scalar in scalars}
+    fields: dict[str, Variable] = {}
+    for name, members in groups.items():
+        if name not in taken and _is_field(members):
+            fields[name] = _joined(name, [scalar for _, scalar in sorted(members, key=_index)])
+    variables: dict[str, Variable] = {}
+    elements: dict[str, Variable] = {}
+    owner: dict[str, str] = {}
+    for scalar in scalars:
+        match = _INDEXED.fullmatch(scalar.name)
+        if match is not None and match[1] in fields:
+            variables.setdefault(match[1], fields[match[1]])
+            elements[scalar.name] = scalar
+            owner[scalar.name] = match[1]
+        else:
+            variables[scalar.name] = scalar
+    return variables, elements, owner
+
+
+def _index(member: tuple[tuple[int, ...], Variable]) -> tuple[int, ...]:
+    return member[0]
+
+
+def _is_field(members: Sequence[tuple[tuple[int, ...], Variable]]) -> bool:
+    """Whether the indices fill an array that begins at 0 or 1, and all values are of one kind."""
+    indices = [index for index, _ in members]
+    ranks = {len(index) for index in indices}
+    alike = {(v.kind, v.causality, v.variability, v.unit) for _, v in members}
+    if len(ranks) != 1 or len(alike) != 1 or len(set(indices)) != len(indices):
+        return False
+    least, most = np.min(indices, axis=0), np.max(indices, axis=0)
+    return bool(np.all(least <= 1) and np.prod(most - least + 1) == len(indices))
+
+
+def _joined(name: str, members: Sequence[Variable]) -> Variable:
+    first = members[0]
+    starts = [scalar.start for scalar in members]
+    text = re.sub(r",? (element|cell|node|value|nr\.?|no\.?|index)? ?\d+$", "", first.description)
+    return Variable(
+        name,
+        first.kind,
+        first.causality,
+        first.variability,
+        first.initial,
+        np.concatenate([scalar.references for scalar in members]),
+        len(members),
+        True,
+        tuple(text for start in starts for text in start) if all(starts) else (),
+        first.unit,
+        first.relative,
+        text,
+    )
+
+
+# --- the unit -------------------------------------------------------------------------------------
+
 
 MODEL_DESCRIPTION = "modelDescription.xml"
 #: What fmpy says where a name stands twice.
@@ -81,7 +284,7 @@ class UnitDescription:
             return found
         close = difflib.get_close_matches(name, self.variables, n=1, cutoff=0.5)
         known = [v.name for v in self.variables.values() if v.causality in ("input", "output")]
-        hint = f'did you mean "{close[0]}"?' if close else f"there are {_some(known)}"
+        hint = f'did you mean "{close[0]}"?' if close else f"there are {_some(known, 8)}"
         raise InputError(f'{self.model_name} has no variable "{shortened(name)}"; {hint}')
 
 
@@ -317,6 +520,6 @@ def _dependencies(unknowns: Sequence[Any], owner: dict[str, str]) -> dict[str, f
     return {name: frozenset(names) for name, names in found.items() if names is not None}
 
 
-def _some(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:8])
-    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown
+def _some(names: Sequence[str], most: int = MOST_NAMES) -> str:
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} more" if len(names) > most else shown

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
-from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import SimulationError
 
@@ -90,49 +86,3 @@ class Instance(Protocol):
 
     def free(self) -> None:
         """Free the instance; nothing may be called after it."""
-
-
-def new_instance(
-    description: UnitDescription,
-    folder: Path,
-    name: str,
-    log: Log,
-    *,
-    debug: bool = False,
-    apart: bool = False,
-    limit: float = math.inf,
-    requests: StopRequests | None = None,
-) -> Instance:
-    """Load the library of an unpacked unit and make an instance.
-
-    Parameters
-    ----------
-    apart : in a process of its own, where a call may take ``limit`` [s] of wall-clock time, and
-        little once the user has asked for the end (``requests``).
-
-    Raises
-    ------
-    InputError : no library for this machine, one that cannot be loaded, or no instance.
-    CallFailed : its process ended meanwhile.
-    """
-    if not apart:
-        return instance_in_process(description, folder, name, log, debug=debug)
-    from lcmchain.coupling.cosimulation.process_instance import ProcessInstance
-
-    requests = requests or StopRequests()
-    return ProcessInstance(
-        description, folder, name, log, debug=debug, limit=limit, requests=requests
-    )
-
-
-def instance_in_process(
-    description: UnitDescription, folder: Path, name: str, log: Log, *, debug: bool = False
-) -> Instance:
-    """Make an instance in this process; see :func:`new_instance`."""
-    if description.major == 2:
-        from lcmchain.coupling.cosimulation.fmi2_instance import Fmi2Instance
-
-        return Fmi2Instance(description, folder, name, log, debug=debug)
-    from lcmchain.coupling.cosimulation.fmi3_instance import Fmi3Instance
-
-    return Fmi3Instance(description, folder, name, log, debug=debug)

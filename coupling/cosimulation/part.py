@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
-from lcmchain.coupling.cosimulation.structural_parameters import Configuration
+from lcmchain.coupling.cosimulation.start_values import Configuration
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.interface import Fields

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import pickle
 import signal
@@ -19,7 +20,8 @@ from typing import Any, BinaryIO
 from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
-from lcmchain.coupling.cosimulation.instance import CallFailed, Log
+from lcmchain.coupling.cosimulation.instance import CallFailed, Instance, Log
+from lcmchain.coupling.cosimulation.library_instance import instance_in_process
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.unit_process import read_frame, write_frame
 from lcmchain.coupling.cosimulation.variable import Variable
@@ -311,3 +313,34 @@ def _end_text(code: int) -> str:
         return f"ended with exit code {code} (the unit, or what it uses, called exit)"
     words = signal.strsignal(-code) if hasattr(signal, "strsignal") else None
     return f"ended by signal {-code}{f' ({words})' if words else ''}"
+
+
+def new_instance(
+    description: UnitDescription,
+    folder: Path,
+    name: str,
+    log: Log,
+    *,
+    debug: bool = False,
+    apart: bool = False,
+    limit: float = math.inf,
+    requests: StopRequests | None = None,
+) -> Instance:
+    """Load the library of an unpacked unit and make an instance.
+
+    Parameters
+    ----------
+    apart : in a process of its own, where a call may take ``limit`` [s] of wall-clock time, and
+        little once the user has asked for the end (``requests``).
+
+    Raises
+    ------
+    InputError : no library for this machine, one that cannot be loaded, or no instance.
+    CallFailed : its process ended meanwhile.
+    """
+    if not apart:
+        return instance_in_process(description, folder, name, log, debug=debug)
+    requests = requests or StopRequests()
+    return ProcessInstance(
+        description, folder, name, log, debug=debug, limit=limit, requests=requests
+    )

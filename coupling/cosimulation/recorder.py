@@ -1,22 +1,34 @@
-"""Values of the units over time, for a netCDF file and for pictures."""
+"""What is kept of a co-simulation: values over time for files and pictures, and how it went."""
 
 from __future__ import annotations
 
 import fnmatch
+import os
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
+from lcmchain import __version__
+from lcmchain.coupling.cosimulation.assembly import Assembly
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.system_file import RecorderEntry
 from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
 from lcmchain.errors import InputError
+from lcmchain.report.style import RC, SERIES, headline, new_figure, save
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.table import Table
+
+
+# --- values over time -----------------------------------------------------------------------------
 
 
 @dataclass
@@ -199,3 +211,171 @@ def scalars_of(recorder: Recorder) -> Sequence[tuple[str, Variable]]:
         for variable in variables
         if not variable.is_text
     ]
+
+
+# --- picture: a panel shows what a unit gives in one unit of measure ------------------------------
+
+
+#: Most panels of the picture, and most curves of one.
+MOST_PANELS = 14
+MOST_CURVES = len(SERIES)
+
+
+def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
+    """Draw what was recorded; return a remark on what found no place, or nothing.
+
+    Of a field the mean is drawn, in a band from the least to the largest value.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    panels = _panels(recorder)
+    shown = panels[:MOST_PANELS]
+    rows = max(1, (len(shown) + 1) // 2)
+    columns = 2 if len(shown) > 1 else 1
+    with matplotlib.rc_context(RC):
+        height = 0.8 + 1.75 * rows
+        figure = new_figure(4.6 * columns, height)
+        axes = figure.subplots(rows, columns, squeeze=False)
+        for axis in axes.flat[len(shown) :]:
+            axis.set_visible(False)
+        left_out = sum(len(group) for _, group in panels[MOST_PANELS:])
+        for axis, (name, group) in zip(axes.flat, shown):
+            _draw_panel(axis, recorder, name, group)
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]")
+        headline(figure, title, "Signals of the units; of fields the mean, in a band of all values")
+        figure.subplots_adjust(
+            left=0.085 if columns == 2 else 0.16, right=0.975, top=1.0 - 0.75 / height,
+            bottom=0.42 / height, hspace=0.38, wspace=0.24,
+        )  # fmt: skip
+        save(figure, path)
+    if left_out == 0:
+        return ""
+    count = len(scalars_of(recorder))
+    return f"{left_out} of {count} recorded variables found no place in signals.png"
+
+
+def _panels(recorder: Recorder) -> list[tuple[str, list[Variable]]]:
+    groups: dict[tuple[str, str, bool, bool], list[Variable]] = {}
+    for unit, variable in scalars_of(recorder):
+        kind = (unit, variable.unit_text, variable.is_field, variable.is_real)
+        groups.setdefault(kind, []).append(variable)
+    return [
+        (unit, group[first : first + MOST_CURVES])
+        for (unit, *_), group in groups.items()
+        for first in range(0, len(group), MOST_CURVES)
+    ]
+
+
+def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable]) -> None:
+    times = np.array(recorder.times)
+    for variable, colour in zip(group, SERIES):
+        rows = np.stack(recorder.values[f"{unit}.{variable.name}"]).astype(np.float64)
+        # what changes in jumps keeps its value until the next point
+        style = "default" if variable.is_signal else "steps-post"
+        if variable.is_field:
+            least, most = rows.min(axis=1), rows.max(axis=1)
+            axis.fill_between(times, least, most, color=colour, alpha=0.2, lw=0)
+        axis.plot(
+            times, rows.mean(axis=1), color=colour, lw=1.1, drawstyle=style, label=variable.name
+        )
+    symbol = group[0].unit_text
+    axis.set_ylabel(f"{unit} [{symbol}]")
+    axis.grid(True, color="#e4e7ea", lw=0.6)
+    axis.set_axisbelow(True)
+    axis.spines["top"].set_visible(False)
+    axis.spines["right"].set_visible(False)
+    axis.margins(x=0.0)
+    axis.legend(loc="best", fontsize=6.5, frameon=True, framealpha=0.8, edgecolor="none")
+
+
+# --- how it went, for summary.json and as a table -------------------------------------------------
+
+
+def summary_of(assembly: Assembly, recorder: Recorder, wall_s: float) -> dict[str, Any]:
+    """Return the summary without its state, in plain values."""
+    system, coupled = assembly.system, assembly.coupled
+    history = coupled.history
+    return {
+        "lcmchain_version": __version__,
+        "title": system.title,
+        "system_sha256": system.digest(),
+        "scheme": history.scheme,
+        "time_reached_s": coupled.time,
+        "stop_time_s": system.stop_time,
+        "wall_s": wall_s,
+        "window_count": len(history.accepted),
+        "restart_count": history.restarts,
+        "iteration_count": sum(window.iterations for window in history.windows),
+        "mean_iterations": history.mean_iterations if history.accepted else None,
+        "initial_loops": assembly.loops,
+        "units": {name: _unit(part) for name, part in assembly.parts.items()},
+        "connections": [link.name for link in assembly.links],
+        "final_values": {name: _plain(value) for name, value in final_values(recorder).items()},
+        "warnings": list(assembly.remarks),
+        "run": {
+            "process": os.getpid(),
+            "host": platform.node(),
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        },
+    }
+
+
+def _unit(part: Any) -> dict[str, Any]:
+    spent, description = part.spent, part.description
+    return {
+        "fmu": part.file.name,
+        "fmu_sha256": part.sha256,
+        "model_name": description.model_name,
+        "fmi_version": description.fmi_version,
+        "generation_tool": description.generation_tool,
+        "process": "own" if part.apart else "shared",
+        "step_count": spent.step_count,
+        "save_count": spent.save_count,
+        "rollback_count": spent.rollback_count,
+        "discarded_step_count": spent.discard_count,
+        "seconds": {
+            "instantiation": spent.instantiation,
+            "initialisation": spent.initialisation,
+            "steps": spent.steps,
+            "values": spent.exchange,
+            "states": spent.states,
+        },
+    }
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if hasattr(value, "item") else value
+
+
+def cost_table(summary: dict[str, Any]) -> Table:
+    """Return steps, rollbacks and times of the units as a table for the terminal."""
+    from rich.table import Table
+
+    table = Table(title=_headline(summary), title_justify="left")
+    table.add_column("unit")
+    for name in ("steps", "rollbacks", "begin [s]", "steps [s]", "values [s]", "states [s]"):
+        table.add_column(name, justify="right")
+    rest = summary["wall_s"]
+    for name, unit in summary["units"].items():
+        seconds = unit["seconds"]
+        begin = seconds["instantiation"] + seconds["initialisation"]
+        rest -= sum(seconds.values()) - begin
+        table.add_row(
+            name, f"{unit['step_count']:,}", f"{unit['rollback_count']:,}", f"{begin:.3f}",
+            *(f"{seconds[key]:.3f}" for key in ("steps", "values", "states")),
+        )  # fmt: skip
+    table.add_row("master", "", "", "", f"{max(rest, 0.0):.3f}", "", "")
+    return table
+
+
+def _headline(summary: dict[str, Any]) -> str:
+    windows = summary["window_count"]
+    text = f"{summary['scheme']}: {windows:,} windows to {summary['time_reached_s']:g} s"
+    if summary["iteration_count"] > windows:
+        text += f", {summary['iteration_count']:,} iterations"
+    if summary["restart_count"]:
+        text += f", {summary['restart_count']:,} windows repeated"
+    return text

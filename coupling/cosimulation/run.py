@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import tempfile
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lcmchain.coupling.cosimulation.assembly import Assembly, assemble
-from lcmchain.coupling.cosimulation.checkpoint import (
-    CHECKPOINT,
-    restore_checkpoint,
-    write_checkpoint,
-)
-from lcmchain.coupling.cosimulation.divergence import CouplingDiverges, DivergenceWatch, advice
 from lcmchain.coupling.cosimulation.instance import EndRequested
-from lcmchain.coupling.cosimulation.picture import draw_signals
+from lcmchain.coupling.cosimulation.part import SerialisedUnit, Spent
 from lcmchain.coupling.cosimulation.process_instance import LeftInCall
-from lcmchain.coupling.cosimulation.recorder import Recorder, chosen
+from lcmchain.coupling.cosimulation.recorder import Recorder, chosen, draw_signals, summary_of
 from lcmchain.coupling.cosimulation.stopping import noting, sigterm_as_ctrl_c
-from lcmchain.coupling.cosimulation.summary import summary_of
 from lcmchain.coupling.cosimulation.system_file import CONVERGENCE_GROUP, System
 from lcmchain.coupling.iteration import CoupledSystem, NotConverged, NotSettled, PartFailed
+from lcmchain.coupling.iteration.checkpoint import (
+    flattened,
+    read_archive,
+    restored,
+    write_archive,
+)
+from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
 from lcmchain.coupling.iteration.plot import draw_history
 from lcmchain.errors import (
+    InputError,
     LcmchainError,
     SimulationError,
     SimulationInterrupted,
@@ -43,6 +48,190 @@ from lcmchain.results import (
     stopped,
     write_summary,
 )
+
+# --- whether an explicit coupling diverges: its fields swing from window to window and grow -------
+
+
+Values = NDArray[np.float64]
+
+#: A swing that grows by less per window may fade again.
+LEAST_GROWTH = 1.05
+#: So many growing swings in a row, and so large a growth together, are no answer of the units.
+LEAST_SWINGS = 8
+LEAST_TOTAL = 1e3
+#: Cosine between two changes below which the later one takes back the earlier one.
+OPPOSITE = -0.9
+#: Growth over the first size that no use has, whatever its course.
+BEYOND_USE = 1e15
+
+
+class CouplingDiverges(SimulationError):
+    """An explicit scheme whose fields grow from window to window without end."""
+
+
+@dataclass
+class _Swing:
+    """How often in a row a change has taken back the one before it, and grown."""
+
+    count: int = 0
+    begin: float = 0.0
+
+
+@dataclass
+class DivergenceWatch:
+    """Follows the exchanged fields over the windows of an explicit scheme.
+
+    Between two units that go one after the other an error changes its sign with every window,
+    between two that go at once with every second one; a solution that is resolved does neither.
+    """
+
+    names: Sequence[str]
+    _before: list[Values] | None = None
+    _changes: list[list[Values]] = field(default_factory=list)  # newest first
+    _swings: dict[tuple[int, int], _Swing] = field(default_factory=dict)
+    _first: dict[int, float] = field(default_factory=dict)
+
+    def follow(self, fields: Sequence[Values]) -> str:
+        """Take the fields at the end of a window; return what diverges in words, or nothing."""
+        found = ""
+        if self._before is not None:
+            changes = [now - before for now, before in zip(fields, self._before)]
+            for number, change in enumerate(changes):
+                found = found or self._judge(number, change, fields[number])
+            self._changes.insert(0, changes)
+            del self._changes[2:]
+        self._before = [values.copy() for values in fields]
+        return found
+
+    def growing(self) -> str:
+        """Return the field that has swung most often in a row by now; nothing below three times."""
+        most = max(self._swings, key=lambda key: self._swings[key].count, default=None)
+        if most is None or self._swings[most].count < 3:
+            return ""
+        return self.names[most[0]]
+
+    def _judge(self, number: int, change: Values, now: Values) -> str:
+        size = float(np.linalg.norm(change))
+        name = self.names[number]
+        for distance in (1, 2):
+            if len(self._changes) < distance:
+                continue
+            earlier = self._changes[distance - 1][number]
+            swing = self._swings.setdefault((number, distance), _Swing())
+            before = float(np.linalg.norm(earlier))
+            if size == before == 0.0:  # two units that go at once: nothing in between
+                continue
+            opposite = float(change @ earlier) < OPPOSITE * size * before
+            if not (opposite and size > LEAST_GROWTH * before > 0.0):
+                swing.count = 0
+                continue
+            if swing.count == 0:
+                swing.begin = before
+            swing.count += 1
+            grown = size / swing.begin
+            if swing.count >= LEAST_SWINGS and grown > LEAST_TOTAL:
+                return (
+                    f"{name} swings with every {'window' if distance == 1 else 'second window'}, "
+                    f"and its swings have grown {grown:.3g} times in {swing.count} windows"
+                )
+        amount = float(np.abs(now).max()) if now.size else 0.0
+        first = self._first.setdefault(number, amount) if amount > 0.0 else 0.0
+        if first > 0.0 and amount > BEYOND_USE * first:
+            return f"{name} has grown {amount / first:.3g} times since it was first not 0"
+        return ""
+
+
+def advice(cannot_return: Sequence[str]) -> str:
+    """Return what to do where an explicit scheme diverges.
+
+    cannot_return : units without states to go back to.
+    """
+    text = (
+        "The units answer to each other more strongly than an explicit scheme can follow; smaller "
+        "windows help between masses and springs, but not against an incompressible fluid or a "
+        'direct feedthrough. Take an implicit scheme: scheme.type = "iqn-ils" (or "aitken")'
+    )
+    if cannot_return:
+        names = ", ".join(f'"{name}"' for name in cannot_return)
+        text += (
+            f"; for it {names} would have to be able to go back (canGetAndSetFMUstate), which the "
+            "unit says it cannot: ask its maker, or exchange what is passed (the stiffer side "
+            "should take the displacement and give the force)"
+        )
+    return text
+
+
+# --- checkpoint: all that is needed to go on as if it had never stopped ---------------------------
+
+
+CHECKPOINT = "cosimulation_checkpoint.npz"
+RECORDS = {record.__name__: record for record in (IterationRecord, WindowRecord, SerialisedUnit)}
+_FORM = "lcmchain cosimulation 1"
+_SYSTEM = "settings of the system"
+
+
+def fingerprint_of(assembly: Assembly) -> dict[str, str]:
+    """Return hashes of what decides the numbers, by what they are of."""
+    units = {f'unit "{name}"': part.sha256 for name, part in assembly.parts.items()}
+    return {**units, _SYSTEM: assembly.system.digest()}
+
+
+def write_checkpoint(path: Path, assembly: Assembly, recorder: Recorder, wall_s: float) -> None:
+    """Write the state between two windows, whole or not at all.
+
+    Raises
+    ------
+    PartFailed : a unit cannot write its state.
+    """
+    saved = assembly.coupled.save()
+    saved["parts"] = {
+        name: assembly.parts[name].serialised(state) for name, state in saved["parts"].items()
+    }
+    spent = {name: asdict(part.spent) for name, part in assembly.parts.items()}
+    tree, arrays = flattened({"system": saved, "recorder": recorder.save(), "spent": spent,
+                              "wall_s": wall_s})  # fmt: skip
+    header = {"fingerprint": fingerprint_of(assembly), "tree": tree, "count": len(arrays)}
+    write_archive(path, _FORM, header, {f"array_{k}": array for k, array in enumerate(arrays)})
+
+
+def restore_checkpoint(path: Path, assembly: Assembly, recorder: Recorder) -> float:
+    """Bring system and recorder to a checkpoint; return the time spent before it [s].
+
+    Raises
+    ------
+    InputError : there is none, it is damaged, or it belongs to other units or settings.
+    """
+    header, found = read_archive(path, _FORM, "simulate without --resume")
+    _require_same(header["fingerprint"], fingerprint_of(assembly), path)
+    arrays = [found[f"array_{number}"] for number in range(header["count"])]
+    kept = restored(header["tree"], arrays, RECORDS)
+    assembly.coupled.restore(kept["system"])
+    recorder.restore(kept["recorder"])
+    for name, part in assembly.parts.items():
+        part.spent = Spent(**kept["spent"][name])
+    assembly.lines.refresh()
+    return kept["wall_s"]
+
+
+def _require_same(found: dict[str, str], wanted: dict[str, str], path: Path) -> None:
+    other = [what for what in {**wanted, **found} if found.get(what) != wanted.get(what)]
+    if other:
+        told = ", ".join(
+            f"{what} ({_short(found, what)} then, {_short(wanted, what)} now)" for what in other
+        )
+        raise InputError(
+            f"the checkpoint was written with something else: {told}; go on with the same units "
+            "and settings, or simulate without --resume",
+            file=path,
+        )
+
+
+def _short(hashes: dict[str, str], what: str) -> str:
+    return f"SHA-256 {hashes[what][:12]}" if what in hashes else "absent"
+
+
+# --- the run --------------------------------------------------------------------------------------
+
 
 #: A checkpoint is written after this time of computing [s].
 CHECKPOINT_INTERVAL = 30.0

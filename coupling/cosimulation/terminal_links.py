@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
-from lcmchain.coupling.cosimulation.system_file import ConnectionEntry, System
-from lcmchain.coupling.cosimulation.terminals import (
+from lcmchain.coupling.cosimulation.description import (
     BUS,
     PLUG,
     SEQUENCE,
     SIGNAL,
     Member,
     Terminal,
+    UnitDescription,
 )
+from lcmchain.coupling.cosimulation.system_file import ConnectionEntry, System
 from lcmchain.errors import InputError, shortened
 
 

@@ -18,7 +18,8 @@ import time
 from contextlib import suppress
 from typing import Any, BinaryIO
 
-from lcmchain.coupling.cosimulation.instance import CallFailed, Instance, instance_in_process
+from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
+from lcmchain.coupling.cosimulation.library_instance import instance_in_process
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import LcmchainError
 

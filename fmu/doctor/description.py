@@ -8,8 +8,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml
-from lcmchain.coupling.cosimulation.left_out import left_out, version_problem
-from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
+from lcmchain.coupling.cosimulation.description import TERMINALS_FILE, left_out, version_problem
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Finding, Level
 from lcmchain.fmu.doctor.rules import Broken, broken_rules

@@ -58,8 +58,8 @@ def cosim(
         if export is not None:
             _export(the_system, system, export, ssp_version)
             return
+        from lcmchain.coupling.cosimulation.recorder import cost_table
         from lcmchain.coupling.cosimulation.run import run_system
-        from lcmchain.coupling.cosimulation.summary import cost_table
 
         with output_folder(out or default, inputs=[system]) as folder:
             with progress_bar(quiet=quiet) as progress:
@@ -85,7 +85,7 @@ def _read(path: Path, overrides: Any) -> Iterator[Any]:
 
         yield read_system(path, overrides)
         return
-    from lcmchain.coupling.cosimulation.ssp_import import read_ssd, read_ssp
+    from lcmchain.coupling.cosimulation.ssp.reading import read_ssd, read_ssp
 
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
         read = read_ssd if kind == SSD_SUFFIX else read_ssp
@@ -101,7 +101,7 @@ def _file_of(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
-    from lcmchain.coupling.cosimulation.ssp_names import STRUCTURE_FILE
+    from lcmchain.coupling.cosimulation.ssp.structure import STRUCTURE_FILE
 
     found = [path / STRUCTURE_FILE] if (path / STRUCTURE_FILE).is_file() else []
     found = found or sorted(path.glob(f"*{SSD_SUFFIX}"))
@@ -127,7 +127,7 @@ def _kind(path: Path) -> str:
 
 
 def _export(the_system: Any, source: Path, target: Path, version: str) -> None:
-    from lcmchain.coupling.cosimulation.ssp_export import VERSIONS, write_ssp
+    from lcmchain.coupling.cosimulation.ssp.writing import VERSIONS, write_ssp
 
     if version not in VERSIONS:
         raise InputError(

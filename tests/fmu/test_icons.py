@@ -12,7 +12,7 @@ from lxml import etree
 from PIL import Image
 
 from lcmchain.coupling.cosimulation.archive import member_names, read_member, unpack
-from lcmchain.coupling.cosimulation.terminals import ICONS_FOLDER, TERMINALS_FILE
+from lcmchain.coupling.cosimulation.description import ICONS_FOLDER, TERMINALS_FILE
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.description import (
     ICON_OF_KIND,

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from lcmchain.cli import app
 from lcmchain.coupling.cosimulation.archive import read_member, read_xml
-from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
+from lcmchain.coupling.cosimulation.description import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.doctor.description import MOST_TOLD, findings_of, read_description

@@ -8,10 +8,10 @@ import pytest
 from lxml import etree
 
 from lcmchain.coupling.cosimulation.archive import read_member, read_xml, unpack
+from lcmchain.coupling.cosimulation.description import TERMINALS_FILE
 from lcmchain.coupling.cosimulation.description import read_description as read_unit
 from lcmchain.coupling.cosimulation.system_file import read_system
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.description import terminals_of

@@ -220,3 +220,14 @@ def test_a_first_process_that_is_killed_takes_the_second_one_along(tmp_path):
     second.stdin.close()  # as the end of the first does
     assert second.stdout.read() == "" and second.wait(30.0) == 1
     second.stdout.close()
+
+
+def test_a_model_of_classes_of_the_script_is_compiled_alone(compiled, monkeypatch):
+    """Another process could not import them: it is not started, and nothing is warned of."""
+    own = type("Own", (), {"__module__": "__main__", "__qualname__": "Own"})
+    monkeypatch.setattr(sys.modules["__main__"], "Own", own, raising=False)
+    monkeypatch.setattr(Loops, "model", own())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", HelperWarning)
+        called, _ = compiled("raise SystemExit(3)")
+    assert called[: len(NAMES)] == ["steps", *reversed(NAMES[1:])]

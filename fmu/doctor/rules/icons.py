@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
-from lcmchain.coupling.cosimulation.terminals import ICONS_FOLDER
+from lcmchain.coupling.cosimulation.description import ICONS_FOLDER
 from lcmchain.errors import shortened
 from lcmchain.fmu.doctor.rules.interface import Interface, number
 from lcmchain.fmu.doctor.rules.rule import rule

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.coupling.cosimulation.divergence import DivergenceWatch
-from lcmchain.coupling.cosimulation.run import run_system
+from lcmchain.coupling.cosimulation.run import DivergenceWatch, run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.errors import InputError, SimulationError
 

@@ -21,7 +21,7 @@ from pythonfmu3 import FmuBuilder as Builder3
 from test_ssp import SPACES, connection
 
 from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.ssp_import import read_ssp
+from lcmchain.coupling.cosimulation.ssp.reading import read_ssp
 from lcmchain.errors import InputError
 
 HERE = Path(__file__).parent / "units"

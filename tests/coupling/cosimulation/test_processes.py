@@ -17,9 +17,8 @@ import xarray as xr
 from lcmchain.coupling.cosimulation import assembly as assembly_module
 from lcmchain.coupling.cosimulation import run as run_module
 from lcmchain.coupling.cosimulation import stopping
-from lcmchain.coupling.cosimulation.checkpoint import CHECKPOINT
 from lcmchain.coupling.cosimulation.process_instance import ProcessInstance
-from lcmchain.coupling.cosimulation.run import run_system
+from lcmchain.coupling.cosimulation.run import CHECKPOINT, run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 

@@ -14,8 +14,7 @@ import xarray as xr
 
 from lcmchain.cli import main
 from lcmchain.coupling.cosimulation import run as run_module
-from lcmchain.coupling.cosimulation.checkpoint import CHECKPOINT
-from lcmchain.coupling.cosimulation.run import run_system
+from lcmchain.coupling.cosimulation.run import CHECKPOINT, run_system
 from lcmchain.coupling.cosimulation.system_file import System, read_system
 from lcmchain.errors import InputError, SimulationInterrupted
 

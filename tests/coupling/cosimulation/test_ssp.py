@@ -10,8 +10,8 @@ from fmpy.ssp.ssd import read_ssd
 
 from lcmchain.commands.cosim import _read
 from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.ssp_export import write_ssp
-from lcmchain.coupling.cosimulation.ssp_import import read_ssp
+from lcmchain.coupling.cosimulation.ssp.reading import read_ssp
+from lcmchain.coupling.cosimulation.ssp.writing import write_ssp
 from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.errors import InputError
 

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.commands.cosim import _file_of, _read
 from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.ssp_export import write_ssp
-from lcmchain.coupling.cosimulation.ssp_import import read_ssp
-from lcmchain.coupling.cosimulation.ssp_names import SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp.reading import read_ssp
+from lcmchain.coupling.cosimulation.ssp.structure import SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp.writing import write_ssp
 from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.errors import InputError
 

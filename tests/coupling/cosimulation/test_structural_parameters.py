@@ -10,9 +10,9 @@ from test_ssp2 import array, array_value, structure
 
 from lcmchain.coupling.cosimulation import assembly as assembly_module
 from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.ssp_export import write_ssp
-from lcmchain.coupling.cosimulation.ssp_import import read_ssp
-from lcmchain.coupling.cosimulation.ssp_names import SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp.reading import read_ssp
+from lcmchain.coupling.cosimulation.ssp.structure import SSC, SSD, SSV
+from lcmchain.coupling.cosimulation.ssp.writing import write_ssp
 from lcmchain.coupling.cosimulation.system_file import system_from
 from lcmchain.errors import InputError, SimulationError
 
@@ -94,7 +94,7 @@ def test_units_in_processes_of_their_own_are_configured_too(assembled, monkeypat
 
 def test_a_size_as_exported_is_not_set(assembled, monkeypatch):
     """A unit without a configuration mode takes it, and its start values stay."""
-    from lcmchain.coupling.cosimulation.fmi3_instance import Fmi3Instance
+    from lcmchain.coupling.cosimulation.library_instance import Fmi3Instance
 
     asked = []
     monkeypatch.setattr(Fmi3Instance, "configure", lambda self, settings: asked.append(settings))

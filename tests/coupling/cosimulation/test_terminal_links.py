@@ -6,11 +6,11 @@ import zipfile
 
 import pytest
 
+from lcmchain.coupling.cosimulation.description import TERMINALS_FILE
 from lcmchain.coupling.cosimulation.run import run_system
-from lcmchain.coupling.cosimulation.ssp_export import write_ssp
-from lcmchain.coupling.cosimulation.ssp_import import read_ssp
+from lcmchain.coupling.cosimulation.ssp.reading import read_ssp
+from lcmchain.coupling.cosimulation.ssp.writing import write_ssp
 from lcmchain.coupling.cosimulation.system_file import system_from
-from lcmchain.coupling.cosimulation.terminals import TERMINALS_FILE
 from lcmchain.errors import InputError
 
 MASS = {"way": "position", "force": "force"}

@@ -19,8 +19,8 @@ from lcmchain.atomic import replacing
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
 from lcmchain.coupling.cosimulation.physical_units import BASE, PhysicalUnit
-from lcmchain.coupling.cosimulation.ssp_import import ANNOTATION
-from lcmchain.coupling.cosimulation.ssp_names import (
+from lcmchain.coupling.cosimulation.ssp.reading import ANNOTATION
+from lcmchain.coupling.cosimulation.ssp.structure import (
     COMMON,
     DESCRIPTION,
     FMU_TYPE,
@@ -30,8 +30,12 @@ from lcmchain.coupling.cosimulation.ssp_names import (
     STRUCTURE_FILE,
     VALUES,
 )
-from lcmchain.coupling.cosimulation.start_values import start_values, with_declared_units
-from lcmchain.coupling.cosimulation.structural_parameters import Configuration, configure
+from lcmchain.coupling.cosimulation.start_values import (
+    Configuration,
+    configure,
+    start_values,
+    with_declared_units,
+)
 from lcmchain.coupling.cosimulation.system_file import System
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
 from lcmchain.coupling.cosimulation.variable import STRUCTURAL, TRUTHS, Variable

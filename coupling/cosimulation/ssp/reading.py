@@ -18,17 +18,20 @@ from lcmchain.coupling.cosimulation.physical_units import (
     is_usual,
     unit_from_name,
 )
-from lcmchain.coupling.cosimulation.ssp_names import SSC, SSD, STRUCTURE_FILE
-from lcmchain.coupling.cosimulation.ssp_structure import (
+from lcmchain.coupling.cosimulation.ssp.structure import (
+    SSC,
+    SSD,
+    STRUCTURE_FILE,
+    Given,
     Node,
     Structure,
     node_text,
     read_structure,
     text_of,
+    value_of_text,
 )
-from lcmchain.coupling.cosimulation.ssp_structure import Path as Place
-from lcmchain.coupling.cosimulation.ssp_values import Given, value_of_text
-from lcmchain.coupling.cosimulation.structural_parameters import configure
+from lcmchain.coupling.cosimulation.ssp.structure import Path as Place
+from lcmchain.coupling.cosimulation.start_values import configure
 from lcmchain.coupling.cosimulation.system_file import System, system_from
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
