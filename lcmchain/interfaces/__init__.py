@@ -1,7 +1,14 @@
 """Contact between plies: deformable to deformable, with large sliding and meshes that do not match.
 
-``table.py`` is the scene's entry, ``surfaces.py`` what stays constant, ``springs.py`` the geometry
-of one point and one facet, ``rims.py`` the share of a point that lies over the other ply,
-``search.py`` which facet a point faces, ``forces.py`` what happens in every step, ``refresh.py``
-what happens now and then, ``limits.py`` the bound of the step and what stops a run.
+::
+
+    [[interfaces]] ─▶ table ─▶ surfaces: faces as points and facets, all that stays constant
+                                  │
+      now and then   refresh ─────┤ search: which facet a point faces; springs: where it lies on it
+                        │         │ rims: the share of its area over the other ply
+                        ▼         ▼
+      every step     forces ◀── rows: what a point has ◀── laws (law, slip, curves)
+
+``limits`` is what contact asks of the step, ``change`` what happens where a stage brings another
+interface, ``in_frames`` what a saved frame holds.
 """
