@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain import read_scene, run
+from lcmchain.fields.sheet import sheet_faces
 
 SCENE = Path(__file__).with_name("dome.toml")
 STACK = [
@@ -29,8 +30,7 @@ def main(folder: Path) -> None:
         ply = result.datasets[f"/{name}"].isel(time=-1)
         angle = np.abs(ply["shear_angle"].values)
         nodes = np.stack([ply[f"reference_position_{k}"].values for k in "xy"], axis=1)
-        faces = ply[f"{name}_face_nodes"].values.astype(int)
-        x, y = nodes[faces[angle.argmax()]].mean(axis=0)
+        x, y = nodes[sheet_faces(ply)[angle.argmax()]].mean(axis=0)
         place = np.degrees(np.arctan2(min(abs(x), abs(y)), max(abs(x), abs(y))))
         sheared.append(place)
         slip = 1e3 * np.nanmax(ply[f"slip_path_{'top' if name == 'ply_1' else 'bottom'}"].values)

@@ -99,8 +99,17 @@ def sheet_positions(sheet: xr.Dataset, frame: int = -1) -> np.ndarray:
 
 
 def sheet_faces(sheet: xr.Dataset) -> np.ndarray:
-    """Return the nodes of the faces, shape (face_count, 4); a triangle repeats its last node."""
-    faces = sheet["sheet_face_nodes"].values
+    """Return the nodes of the faces, shape (face_count, 4); a triangle repeats its last node.
+
+    Parameters
+    ----------
+    sheet : the group of a whole sheet or stack, or that of one ply.
+    """
+    name = "sheet_face_nodes"
+    if name not in sheet:
+        roles = {variable.attrs.get("cf_role"): variable for variable in sheet.data_vars.values()}
+        name = roles["mesh_topology"].attrs["face_node_connectivity"]
+    faces = sheet[name].values
     # Read without mask_and_scale=False, xarray gives floating point numbers with nan for -1.
     faces = np.where(np.isfinite(faces), faces, -1).astype(np.int64)
     if faces.shape[1] == 3:
