@@ -75,18 +75,18 @@ def ply(name, shift=(0.0, 0.0, 0.0), **entries):
     return Sheet(name, mesh, scene.material.build(), scene.element)
 
 
-def wrapped(name, radius, turn=np.inf, **entries):
+def wrapped(name, radius, turn=np.inf, ends=np.inf, **entries):
     """A ply around the y axis; ``radius`` of its mid-surface [m], its upper face inside.
 
-    turn : angle [rad] around which it goes, half to either side; what is left goes on straight, up
-        to a radius of 200 m: flat elements beside curved ones take a loop of their own.
+    turn : angle [rad] around which it goes, half to either side. ends : radius of what is left [m],
+        straight by default; flat elements beside curved ones take a loop of their own.
     """
     flat = ply(name, **entries)
     mesh = flat.mesh
 
     def angle(x):
         around = np.clip(x / radius, -0.5 * turn, 0.5 * turn)
-        return around + (x - radius * around) / 200.0
+        return around + (x - radius * around) / ends
 
     def turned(x, vectors):
         a = angle(x)

@@ -75,7 +75,7 @@ def test_a_strip_drawn_over_a_drum_takes_the_forces_of_a_capstan(turn):
         Support("end", own + np.flatnonzero(x < x.min() + 1e-6), motion=follows),
         Support("grip", own + np.flatnonzero(x > x.max() - 1e-6), motion=draws),
     ]
-    plies = [drum, wrapped("strip", RADIUS + HALF, turn, **strip)]
+    plies = [drum, wrapped("strip", RADIUS + HALF, turn, ends=200.0, **strip)]
     between = Interface(laws=(FRICTION,))
     sim = stack(plies, scene_of(time=1e3 * time), ALL, between, supports=supports)
     force = support_forces(sim, rest + (time - rest) * np.linspace(0.3, 0.8, 6))
