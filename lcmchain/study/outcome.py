@@ -56,7 +56,7 @@ class Outcome:
     force : of the punch [N] over the part of the process that has passed, rows of (part, force),
         (M, 2); empty without tools.
     doubts : grades of the checks of the program that are not good, by name: their place in
-        :data:`lcmchain.thresholds.GRADES`.
+        :data:`lcmchain.judgements.grades.GRADES`.
     failure : why there is no result, in words; empty where there is one.
     """
 
