@@ -35,8 +35,6 @@ from lcmchain.scene.reading.overrides import apply_overrides
 from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
 from lcmchain.scene.reading.walk import documents_of
 
-SUFFIX = ".toml"
-
 #: Group of the record that no unit may be named like.
 CONVERGENCE_GROUP = "coupling"
 

@@ -21,7 +21,6 @@ Fields = dict[str, Values]
 PORE_PRESSURE = "pore_pressure"  # [Pa] per cell
 THICKNESS = "thickness"  # [m] per cell
 THICKNESS_RATE = "thickness_rate"  # [m/s] per cell
-AREA_RATE = "area_rate"  # [m2/s] per cell
 VOLUME_RATE = "volume_rate"  # [m3/s] per cell
 # For the fixed-stress split: the pressure at which a solid has found its rate, and the derivative
 # of that rate by the pressure. The fluid takes rate + slope (p - reference pressure) as its source.

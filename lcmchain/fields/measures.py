@@ -128,15 +128,3 @@ def symmetric_mean(areas: dict[tuple[int, int], float], place: tuple[int, int]) 
     turned |= {(last - i, j) for i, j in turned}
     turned |= {(i, last - j) for i, j in turned}
     return float(np.mean([abs(areas[image]) for image in turned]))
-
-
-def field_differences(sheet: xr.Dataset, other: xr.Dataset) -> dict[str, float]:
-    """Return root-mean-square differences over the sheet of two results on the same mesh."""
-    thickness, other_thickness = (s["thickness"].values[-1] for s in (sheet, other))
-    shear, other_shear = (s["shear_angle"].values[-1] for s in (sheet, other))
-    distance = np.linalg.norm(sheet_positions(sheet) - sheet_positions(other), axis=1)
-    return {
-        "position": root_mean_square(distance),
-        "shear_angle": root_mean_square(shear - other_shear),
-        "thickness": root_mean_square(thickness / other_thickness - 1.0),
-    }

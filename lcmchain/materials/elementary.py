@@ -14,7 +14,6 @@ from lcmchain.jit import strict_equation
 LOG2_E = 1.4426950408889634
 LN2_HIGH = 6.93147180369123816490e-01
 LN2_LOW = 1.90821492927058770002e-10
-MANTISSA = np.int64(0x000FFFFFFFFFFFFF)
 EXPONENT_OF_ONE = np.int64(0x3FF0000000000000)
 # Adding 1.5 * 2**52 leaves a small integer in the low bits of the sum: a conversion between
 # floating point and integer that every vector instruction set has.

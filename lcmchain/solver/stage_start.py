@@ -26,8 +26,6 @@ from lcmchain.state import SAMPLES, State
 
 #: Option that names the folder of the other run.
 FROM = "--from"
-#: Tables that stages fill in: those of the scene as it was written are compared.
-FILLED = ("process", "stages", "tools", "grippers")
 #: Arrays of a state that have rows for stages or samples, and the axis of these.
 BY_STAGE = {"rest": 0, "tool_stopped": 1, "samples": 0}
 

@@ -4,81 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-LAW = '''
-"""Drag between plies that goes with the square of the sliding speed."""
-
-import math
-from typing import ClassVar, Literal, NamedTuple
-
-import numpy as np
-
-from lcmchain.elements.vectors import dot, scaled
-from lcmchain.interfaces.law import (
-    InterfaceLawTable,
-    implements,
-    parameters,
-    respond,
-    uses_sliding,
-)
-from lcmchain.jit import equation
-
-
-class Drag(NamedTuple):
-    """coefficient : (interface_count,) stress over speed² [Pa s²/m²], 0 without a drag."""
-
-    coefficient: np.ndarray
-
-    @staticmethod
-    def title():
-        return "drag between plies"
-
-    def reason(self):
-        return f"up to {self.coefficient.max():g} Pa s²/m²"
-
-
-@implements(parameters, Drag)
-@equation
-def drag_parameters(law, interface):
-    return (FACTOR * law.coefficient[interface],)
-
-
-@implements(uses_sliding, Drag)
-@equation
-def drag_uses_sliding(law):
-    return True
-
-
-@implements(respond, Drag)
-@equation
-def drag_response(law, values, memory, touch):
-    factor = 0.0
-    if touch.gap < 1e-5 and touch.time > 0.0:
-        speed = math.sqrt(dot(touch.moved, touch.moved)) / touch.time
-        factor = -values[0] * touch.area * speed / touch.time
-    force = scaled(factor, touch.moved)
-    return force, 0.0, 0.0, -dot(force, touch.moved), memory
-
-
-class DragTable(InterfaceLawTable):
-    law: ClassVar[type] = Drag
-
-    type: Literal["drag"] = "drag"
-    coefficient: float
-    fastest: float
-
-    @classmethod
-    def gathered(cls, tables):
-        return Drag(np.array([0.0 if t is None else t.coefficient for t in tables]))
-
-    def reach(self):
-        return 1e-5
-
-    def slip_viscosity(self):
-        return 2.0 * self.coefficient * self.fastest
-
-    def in_words(self):
-        return f"drag {self.coefficient:g} Pa s²/m²"
-'''
+# The line of the script with the law that a changed file has otherwise.
+PARAMETERS = "return (law.coefficient[interface],)"
 # A point on a facet by hand: the search for facets would take most of the time to compile.
 EVALUATE = """
 import json, sys
@@ -115,6 +42,15 @@ AREA, SPEED = 2e-5, 2.0
 
 
 @pytest.fixture
+def law(request):
+    """The script that holds the law."""
+    script = request.config.rootpath / "examples" / "scripts" / "own_interface.py"
+    text = script.read_text(encoding="utf-8")
+    assert text.count(PARAMETERS) == 1
+    return text
+
+
+@pytest.fixture
 def evaluate(tmp_path, request, in_new_process):
     """Evaluate the drag on a point that slides, in a fresh process."""
     tests = str(request.config.rootpath / "tests" / "interfaces")
@@ -127,8 +63,8 @@ def evaluate(tmp_path, request, in_new_process):
     return call
 
 
-def test_an_interface_takes_a_law_from_outside_the_package(evaluate):
-    found = evaluate(LAW.replace("FACTOR", "1.0"))
+def test_an_interface_takes_a_law_from_outside_the_package(evaluate, law):
+    found = evaluate(law)
     wanted = 50.0 * SPEED**2 * AREA
     assert found["force"] == pytest.approx([-wanted, 0.0, 0.0], rel=1e-9)
     assert found["lost"] == pytest.approx(wanted * SPEED, rel=1e-9)
@@ -136,7 +72,7 @@ def test_an_interface_takes_a_law_from_outside_the_package(evaluate):
     assert found["words"] == "drag 50 Pa s²/m²"
     assert found["cached"] == [0, 1]
     # the same file again comes from disk, a changed one does not
-    assert evaluate(LAW.replace("FACTOR", "1.0")) == {**found, "cached": [1, 0]}
-    changed = evaluate(LAW.replace("FACTOR", "3.0"))
+    assert evaluate(law) == {**found, "cached": [1, 0]}
+    changed = evaluate(law.replace(PARAMETERS, PARAMETERS.replace("(law", "(3.0 * law")))
     assert changed["cached"] == [0, 1]
     assert changed["force"][0] == pytest.approx(-3.0 * wanted, rel=1e-9)
