@@ -15,6 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from lcmchain.compilation.cache import key_cache_by_file
+from lcmchain.compilation.references import ReferenceType
 from lcmchain.jit import INLINED, move_cache
 
 # All functions that answer by class.
@@ -85,6 +86,8 @@ def _by_class(stub, default):
         return find(type(first))(first, *rest)
 
     def choose(first, *rest):
+        if isinstance(first, ReferenceType):
+            first = first.to
         if not isinstance(first, (types.NamedTuple, types.NamedUniTuple)):
             return None
         found = find(first.instance_class)

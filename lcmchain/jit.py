@@ -12,8 +12,8 @@ from lcmchain.compilation.cache import let_processes_share
 from lcmchain.compilation.cache_lines import align_compiled_code
 from lcmchain.compilation.compiled_parts import know_parts, part
 from lcmchain.compilation.front_end import compile_in_less_time
-from lcmchain.compilation.large_tuples import load_parts_of_tuples
 from lcmchain.compilation.self_contained import keep_code_self_contained
+from lcmchain.compilation.standalone import know_standalone_code, standalone
 from lcmchain.compilation.threads import (
     launch_before_compiled_code_is_loaded,
     load_threading_library,
@@ -24,9 +24,9 @@ load_threading_library()
 launch_before_compiled_code_is_loaded()
 keep_lane_loops()
 keep_code_self_contained()
-load_parts_of_tuples()
 align_compiled_code()
 know_parts()
+know_standalone_code()
 let_processes_share()
 compile_in_less_time()
 use_widest_vectors()
@@ -127,6 +127,28 @@ def ordered_span_routine(function: Callable[..., Any]) -> Dispatcher:
     return _part(function, error_model="numpy", fastmath=FLOATING_POINT, nogil=True, _nrt=False)
 
 
+def standalone_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`ordered_span_routine`, with machine code of its own.
+
+    For what takes numbers and references alone, and does enough in a call to be worth it.
+    """
+    options = {"fastmath": FLOATING_POINT, "nogil": True, "_nrt": False}
+    return _standalone(function, error_model="numpy", **options)
+
+
+def standalone_loop(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`standalone_routine` what calls functions that return arrays."""
+    options = {"fastmath": FLOATING_POINT, "nogil": True, "_nrt": True}
+    return _standalone(function, error_model="numpy", **options)
+
+
+def standalone_span_routine(function: Callable[..., Any]) -> Dispatcher:
+    """Compile like :func:`span_routine`, with machine code of its own."""
+    fastmath = {*FLOATING_POINT, "reassoc"}
+    options = {"fastmath": fastmath, "nogil": True, "_nrt": False}
+    return _standalone(function, error_model="numpy", **options)
+
+
 def kernel(function: Callable[..., Any]) -> Dispatcher:
     """Compile a loop over blocks of elements or chunks of nodes, parallel over the blocks."""
     return _compiled(function, **KERNEL)
@@ -145,6 +167,12 @@ def move_cache() -> None:
 
 def _compiled(function, **options):
     dispatcher = njit(cache=True, **options, **NOT_FOR_C)(function)
+    _cached.append(dispatcher)
+    return dispatcher
+
+
+def _standalone(function, **options):
+    dispatcher = standalone(function, **options)
     _cached.append(dispatcher)
     return dispatcher
 

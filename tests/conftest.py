@@ -93,7 +93,7 @@ def references():
     def count(simulation):
         model = simulation.model
         placed = tuple(body.data for body in model.placed)
-        arrays = list(arrays_in((simulation.arrays, model.interactions, placed)))
+        arrays = list(arrays_in((simulation.arrays.referent, model.interactions, placed)))
         assert len(arrays) > 50
         return [sys.getrefcount(array) for array in arrays]
 

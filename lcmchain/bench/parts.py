@@ -14,6 +14,7 @@ import numpy as np
 from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.measure import Measurement, kernel_work, measure
 from lcmchain.bench.operations import contact_operations, count_operations
+from lcmchain.compilation.references import Reference
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.jit import entry
 from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_contact
@@ -127,12 +128,17 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
     model, arrays = simulation.model, simulation.arrays
     assert model.fibre_bending is not None
     bending = model.fibre_bending.data
-    runs = runs_of_slots(model.nodes.force_slot, model.nodes.chunk_start, model.empty_slot)
+    runs = Reference(
+        runs_of_slots(model.nodes.force_slot, model.nodes.chunk_start, model.empty_slot)
+    )
     find_near_packs(arrays.near, arrays.chunk_start, arrays.near_pack, arrays.tools_near)
-    at_rest = arrays._replace(
-        position=arrays.position.copy(),
-        velocity=np.zeros_like(arrays.velocity),
-        force=np.zeros_like(arrays.force),
+    tools, environment = Reference(model.tools), Reference(model.environment)
+    at_rest = Reference(
+        arrays._replace(
+            position=arrays.position.copy(),
+            velocity=np.zeros_like(arrays.velocity),
+            force=np.zeros_like(arrays.force),
+        )
     )
     return {
         BENDING: lambda: repeated_bending(
@@ -140,8 +146,8 @@ def _loops(simulation: Simulation, dt: float) -> dict[str, Callable[[], None]]:
             arrays.bending_vector, CALLS,
         ),
         "forces of the elements at the nodes": lambda: repeated_gather(arrays, runs, CALLS),
-        CONTACT: lambda: repeated_contact(arrays, model.tools, model.environment, dt, CALLS),
-        "motion of the nodes": lambda: repeated_motion(at_rest, model.environment, dt, CALLS),
+        CONTACT: lambda: repeated_contact(arrays, tools, environment, dt, CALLS),
+        "motion of the nodes": lambda: repeated_motion(at_rest, environment, dt, CALLS),
     }  # fmt: skip
 
 

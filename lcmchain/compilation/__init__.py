@@ -5,9 +5,10 @@
     threads          which library runs the threads of parallel loops, and when they start
     vector_width     vectors of 512 bits on processors that lose nothing by them
     self_contained   a function gives the same bits from the disk as compiled here
-    large_tuples     loops that take tuples of fifty arrays compile in good time
     cache_lines      stacks and arrays begin with a line of the cache
     compiled_parts   functions of compiled code alone are not made callable from Python
+    references       tuples of many arrays are handed on by their address
+    standalone       heavy functions are compiled once, and linked to whatever calls them
     cache            one folder for each state of the sources, which processes share
     front_end        less time in numba's own typing
 

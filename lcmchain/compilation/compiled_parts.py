@@ -70,10 +70,12 @@ class PartEntry:
 class PartDispatcher(CPUDispatcher):
     """A function for compiled code to call."""
 
+    compiler: type[Compiler] = PartCompiler
+
     def __init__(
         self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None
     ) -> None:
-        super().__init__(py_func, locals, targetoptions, pipeline_class=PartCompiler)
+        super().__init__(py_func, locals or {}, targetoptions, pipeline_class=self.compiler)
         without = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         self._compiler.targetoptions = self.targetoptions | without  # type: ignore[attr-defined]
 
@@ -137,7 +139,11 @@ def know_parts() -> None:
         if isinstance(library, PartLibrary):
             library.codegen.set_env(self.get_env_name(fndesc), env)
             return PartEntry()
-        made = executable(self, library, fndesc, env)
+        if getattr(library, "only_linked", False):
+            library.codegen.set_env(self.get_env_name(fndesc), env)
+            made: Any = PartEntry()
+        else:
+            made = executable(self, library, fndesc, env)
         for variable in library._final_module.global_variables:
             if variable.name in waiting:
                 library.codegen.set_env(variable.name, waiting[variable.name])

@@ -1,10 +1,12 @@
 """What acts on bodies or between them, as the time loop sees it.
 
 An interaction is a NamedTuple of constant arrays: the tools, the pressures in and on a sheet, the
-supports, the grippers that pull. It registers (:mod:`lcmchain.dispatch`) what it does in a step;
+supports, the grippers that pull. Compiled code takes it by reference, as it takes all arrays
+(:mod:`lcmchain.compilation.references`). It registers (:mod:`lcmchain.dispatch`) what it does in a step;
 what it does not register is left out of the compiled loop, as is an interaction that a model does
 not have. What it registers is compiled with the options of an equation: a loop over nodes that
-wants options of its own, and a parallel loop, stand in a routine that is called there. The order of
+wants options of its own, and a parallel loop, stand in a routine that is called there: best in a
+standalone one (:mod:`lcmchain.jit`), which is compiled once for all models that have it. The order of
 a step is that of :func:`lcmchain.solver.loop.advance`:
 
 1. :func:`before_nodes`: forces that need the positions of all nodes;
@@ -78,19 +80,13 @@ def before_nodes(interaction, arrays, dt_last, dt):
 
 
 @optional
-def on_nodes(interaction):
-    """Return what :func:`add_to_nodes` takes: a NamedTuple of arrays and numbers alone."""
-    return NOTHING
-
-
-@optional
-def scratch_size(acting):
+def scratch_size(interaction):
     """Return how many numbers of scratch :func:`add_to_nodes` needs."""
     return 0
 
 
 @optional
-def add_to_nodes(acting, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+def add_to_nodes(interaction, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
     """Add forces to ``arrays.force`` of the nodes ``first`` to ``last`` of a chunk.
 
     Energies go to the columns of ``sums``. The forces of those interactions that stand before this

@@ -46,7 +46,14 @@ from lcmchain.interfaces.rows import (
     touch_of,
 )
 from lcmchain.interfaces.surfaces import NONE
-from lcmchain.jit import equation, kernel_part, ordered_span_routine, span_part, span_routine
+from lcmchain.jit import (
+    equation,
+    kernel_part,
+    ordered_span_routine,
+    span_part,
+    span_routine,
+    standalone_routine,
+)
 from lcmchain.tools.span_rows import NODE_CHUNK, SPAN, SPANS_OF_CHUNK, put_vector, vector_at
 
 # Halves of spans in a chunk of nodes.
@@ -187,23 +194,25 @@ def leave_rest(laws, rows, at, time):
 
 
 @kernel_part
-def forces_of_points(data, first, second, third, fourth, fifth, sixth, arrays, dt_last):
-    """Write the force on every point, and the energies of every chunk of nodes.
-
-    first to sixth : the laws, one by one, as a parallel loop takes no tuple of tuples.
-    """
-    for chunk in prange(arrays.ply_sums.shape[0]):
-        laws = (first, second, third, fourth, fifth, sixth)
+def forces_of_points(plies, arrays, dt_last):
+    """Write the force on every point, and the energies of every chunk of nodes."""
+    for chunk in prange(chunk_count(arrays)):
         ways = np.zeros(WAY_ROWS * SPAN)
-        forces_of_chunk(data, laws, arrays, chunk, dt_last, ways)
+        forces_of_chunk(plies, arrays, chunk, dt_last, ways)
+
+
+@equation
+def chunk_count(arrays):
+    return arrays.ply_sums.shape[0]
 
 
 @ordered_span_routine
-def forces_of_chunk(data, laws, arrays, chunk, dt_last, ways):
+def forces_of_chunk(plies, arrays, chunk, dt_last, ways):
     """Write the force on every point of a chunk of nodes, and its energies.
 
     ways : scratch for the ways and gaps of a span.
     """
+    data, laws = plies.data, plies.laws
     rate = data.damping_time / dt_last if dt_last > 0.0 else 0.0
     stored, lost, damped = 0.0, 0.0, 0.0
     begin, end = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
@@ -290,13 +299,13 @@ def list_points(data, arrays):
             arrays.ply_following[item] = arrays.ply_following[item + 1] if goes_on else item + 1
 
 
-@ordered_span_routine
-def add_ply_forces(data, arrays, chunk, first, last):
+@standalone_routine
+def add_ply_forces(plies, arrays, chunk, first, last):
     """Add the contact forces between plies to the nodes ``first`` to ``last`` of a chunk.
 
     Return the energy of the springs of these points, and what sliding and damping took [J].
     """
-    add_own_forces(data, arrays, chunk, first, last)
+    add_own_forces(plies.data, arrays, chunk, first, last)
     add_forces_on_facets(arrays, arrays.ply_start[chunk], arrays.ply_start[chunk + 1])
     sums = arrays.ply_sums[chunk]
     return sums[STORED], sums[LOST], sums[DAMPED]

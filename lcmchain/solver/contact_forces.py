@@ -15,9 +15,9 @@ from lcmchain.effects.contact import normal_force
 from lcmchain.effects.contact_depth import offset_change
 from lcmchain.effects.friction import friction, friction_loss
 from lcmchain.effects.gravity import weights_from
-from lcmchain.effects.interaction import add_to_nodes, on_nodes, scratch_size
+from lcmchain.effects.interaction import add_to_nodes, scratch_size
 from lcmchain.elements.vectors import dot, plus, products, scaled
-from lcmchain.jit import equation, span_routine
+from lcmchain.jit import equation, standalone_span_routine
 from lcmchain.packs import (
     PACK,
     any_lane,
@@ -54,12 +54,6 @@ MOMENT = ADDED + 6  # about the axis of a tool that turns [N m]
 KEPT_PACKS = ADDED + 7
 
 
-@implements(on_nodes, ToolTable)
-@equation
-def the_tools(tools):
-    return tools
-
-
 @implements(scratch_size, ToolTable)
 @equation
 def scratch_of_contact(tools):
@@ -78,7 +72,7 @@ def contact_of_chunk(tools, arrays, environment, chunk, first, last, dt_last, dt
     add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, dt, work, sums)
 
 
-@span_routine
+@standalone_span_routine
 def add_contact_forces(arrays, tools, environment, chunk, first, last, dt_last, dt, work, sums):
     """Add the contact forces of all tools to the nodes ``first`` to ``last`` of a chunk.
 

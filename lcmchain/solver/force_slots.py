@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.elements.blocks import LANES
-from lcmchain.jit import ordered_span_routine
+from lcmchain.jit import standalone_routine
 from lcmchain.packs import PACK, load_lanes, pack_of, store_vector
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
@@ -62,7 +62,7 @@ def runs_of_slots(force_slot: np.ndarray, chunk_start: np.ndarray, empty: int) -
     return SlotRuns(*(array.astype(np.int32) for array in arrays))
 
 
-@ordered_span_routine
+@standalone_routine
 def gather_internal_forces(arrays, runs, chunk, first, last):
     """Set the forces on the nodes ``first`` to ``last`` of a chunk to minus their corner forces.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lcmchain.dispatch import implements
 from lcmchain.effects.grippers import LEAST_DISTANCE, GripperTable, omega2_of_grippers
-from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound, on_nodes
+from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound
 from lcmchain.jit import equation, routine, uncounted_routine
 from lcmchain.state import EXTERNAL, PACE, TIME, State
 from lcmchain.tools.motion.smooth_step import smooth_step
@@ -75,12 +75,6 @@ def pull(grippers, arrays, dt_last, dt):
             travel[g, d] = now[d]
         arrays.gripper_work[g] += work
         arrays.work[EXTERNAL] += work
-
-
-@implements(on_nodes, GripperTable)
-@equation
-def the_grippers(grippers):
-    return grippers
 
 
 @implements(add_to_nodes, GripperTable)

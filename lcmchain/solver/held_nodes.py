@@ -8,7 +8,7 @@ from lcmchain.dispatch import implements
 from lcmchain.effects.gravity import weight_at
 from lcmchain.effects.interaction import after_nodes, before_nodes
 from lcmchain.effects.supports import SupportTable, prescribed_position
-from lcmchain.jit import equation, uncounted_routine
+from lcmchain.jit import equation, standalone_routine
 from lcmchain.state import EXTERNAL, KINETIC, PACE, TIME
 
 
@@ -18,7 +18,7 @@ def release(supports, arrays, dt_last, dt):
     let_go(supports, arrays)
 
 
-@uncounted_routine
+@standalone_routine
 def let_go(supports, arrays):
     """Free the nodes of supports that let go at this step."""
     time, force = arrays.clock[TIME], arrays.support_force
@@ -40,7 +40,7 @@ def hold(supports, arrays, environment, dt_last, dt):
     move_supports(arrays, supports, environment, dt_last, dt)
 
 
-@uncounted_routine
+@standalone_routine
 def move_supports(arrays, supports, environment, dt_last, dt):
     """Move held components as prescribed, and sum the forces that the supports exert [N].
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import literal_unroll, prange
 
+from lcmchain.compilation.references import Reference, referred
 from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.fibre_bending import (
-    FibreBendingData,
     add_vectors,
     at_places,
     fibre_bending_forces,
@@ -29,7 +29,6 @@ from lcmchain.effects.interaction import (
     after_nodes,
     before_nodes,
     begin_steps,
-    on_nodes,
     scratch_size,
 )
 from lcmchain.elements.family import internal_forces
@@ -38,13 +37,15 @@ from lcmchain.elements.solid_shell.together import kinds_of, put_together
 from lcmchain.jit import (
     equation,
     kernel_part,
-    span_routine,
+    standalone_loop,
+    standalone_routine,
+    standalone_span_routine,
     uncounted_entry,
     uncounted_routine,
 )
 from lcmchain.materials.law import Step
 from lcmchain.model import Model, NodeData, PlacedBody
-from lcmchain.solver.force_slots import SlotRuns, gather_internal_forces, runs_of_slots
+from lcmchain.solver.force_slots import gather_internal_forces, runs_of_slots
 from lcmchain.solver.schedule import Schedule, build_schedule
 from lcmchain.state import (
     CONTACT,
@@ -72,23 +73,44 @@ Arrays: Any = NamedTuple(  # type: ignore[misc]
 )
 
 
-@uncounted_entry
-def advance(arrays, bodies, fibre_bending, interactions, environment, averaging, step_count, dt):
-    """Make ``step_count`` steps of size ``dt`` [s] of the sheets' time.
+class LoopArguments(NamedTuple):
+    """What :func:`advance` works on, by reference; it has no code for what is None or nothing.
 
-    The process goes on by as much times its pace: tools, supports and pressures follow its time.
-
-    Parameters
-    ----------
     arrays : :data:`Arrays`. bodies : :class:`OrderedBody` each.
     fibre_bending : :class:`lcmchain.effects.fibre_bending.FibreBendingData`, or None.
     interactions : of the model, in the order in which they act on a node, as
         :func:`lcmchain.effects.interaction.in_places` returns them.
     environment : :class:`lcmchain.model.Environment`.
     averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
-
-    Code is left out where an argument is None or nothing.
     """
+
+    arrays: Any
+    bodies: tuple[Any, ...]
+    fibre_bending: Any
+    interactions: tuple[Any, ...]
+    environment: Any
+    averaging: float | None
+
+
+@uncounted_entry
+def advance(given, step_count, dt):
+    """Make ``step_count`` steps of size ``dt`` [s] of the sheets' time.
+
+    The process goes on by as much times its pace: tools, supports and pressures follow its time.
+
+    Parameters
+    ----------
+    given : :class:`LoopArguments`, by reference.
+    """
+    make_steps(
+        given.arrays, given.bodies, given.fibre_bending, given.interactions, given.environment,
+        given.averaging, step_count, dt,
+    )  # fmt: skip
+
+
+@uncounted_routine
+def make_steps(arrays, bodies, fibre_bending, interactions, environment, averaging, step_count, dt):
+    """Make the steps of :func:`advance`."""
     clock = arrays.clock
     for interaction in literal_unroll(interactions):
         begin_steps(interaction, arrays)
@@ -98,18 +120,9 @@ def advance(arrays, bodies, fibre_bending, interactions, environment, averaging,
             before_nodes(interaction, arrays, dt_last, dt)
         for body in literal_unroll(bodies):
             move_body(
-                arrays,
-                body.placed,
-                body.schedule,
-                body.unscheduled,
-                body.slot_runs,
-                fibre_bending,
-                interactions,
-                environment,
-                averaging,
-                dt_last,
-                dt,
-            )
+                arrays, body, body.schedule, body.unscheduled, fibre_bending, interactions,
+                environment, averaging, dt_last, dt,
+            )  # fmt: skip
         add_chunk_sums(arrays)
         for interaction in literal_unroll(interactions):
             after_nodes(interaction, arrays, environment, dt_last, dt)
@@ -122,18 +135,19 @@ def advance(arrays, bodies, fibre_bending, interactions, environment, averaging,
 class OrderedBody(NamedTuple):
     """A body, or several of one kind, and the order of a step for it.
 
-    schedule : None for a body whose loops run through all of it one after the other; then
-        ``unscheduled`` is True, else None. slot_runs : of all nodes, for the places of the orders.
+    schedule : by reference; None for a body whose loops run through all of it one after the other;
+        then ``unscheduled`` is True, else None.
+    slot_runs : :class:`SlotRuns` of all nodes, for the places of the orders; by reference.
     """
 
     placed: PlacedBody
-    schedule: Schedule | None
+    schedule: Any
     unscheduled: bool | None
-    slot_runs: SlotRuns
+    slot_runs: Any
 
 
-def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendingData | None]:
-    """Return the bodies of a model for :func:`advance`, and the fibres' bending.
+def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], Any]:
+    """Return the bodies of a model for :func:`advance`, and the fibres' bending, by reference.
 
     Bodies of one kind are put together (:mod:`lcmchain.elements.solid_shell.together`).
 
@@ -166,69 +180,42 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], FibreBendi
         found.append((first, schedule))
         places.append(group[0].first_bending + bending_place)
     # a node finds its forces where the orders of all bodies have them
-    runs = runs_of_slots(force_slot, model.nodes.chunk_start, model.empty_slot)
+    runs = Reference(runs_of_slots(force_slot, model.nodes.chunk_start, model.empty_slot))
     bodies = [
-        OrderedBody(placed, schedule, True if schedule is None else None, runs)
+        Reference(
+            OrderedBody(placed, None, True, runs)
+            if schedule is None
+            else OrderedBody(placed, Reference(schedule), None, runs)
+        )
         for placed, schedule in found
     ]
-    if bending is not None:
-        bending = at_places(bending, np.concatenate(places).astype(np.int32))
-    return tuple(bodies), bending
+    if bending is None:
+        return tuple(bodies), None
+    at_its_places = at_places(bending, np.concatenate(places).astype(np.int32))
+    return tuple(bodies), Reference(at_its_places)
 
 
 @uncounted_routine
 def move_body(
-    arrays,
-    placed,
-    schedule,
-    unscheduled,
-    slot_runs,
-    fibre_bending,
-    interactions,
-    environment,
-    averaging,
-    dt_last,
-    dt,
-):
+    arrays, body, schedule, unscheduled, fibre_bending, interactions, environment, averaging,
+    dt_last, dt,
+):  # fmt: skip
     """Make the internal forces of a body, and move its nodes."""
-    corner_force = arrays.corner_force[placed.first_force : placed.last_force]
-    history = arrays.history[placed.first_history : placed.last_history]
-    first, second = on_nodes(interactions[0]), on_nodes(interactions[1])
-    third, fourth = on_nodes(interactions[2]), on_nodes(interactions[3])
-    fifth = on_nodes(interactions[4])
+    first, second, third, fourth, fifth = interactions
     if schedule is not None:
         for phase in range(schedule.phase_start.size - 1):
             make_parts(
-                arrays,
-                schedule,
-                slot_runs,
-                phase,
-                corner_force,
-                history,
-                placed.data.corner_node,
-                placed.data.corner_run,
-                placed.data.element_data,
-                placed.data.law,
-                placed.data.options,
-                placed.data.quick_data,
-                placed.data.quick_options,
-                placed.data.general,
-                fibre_bending,
-                first,
-                second,
-                third,
-                fourth,
-                fifth,
-                environment,
-                averaging,
-                dt_last,
-                dt,
-            )
+                arrays, body, fibre_bending, first, second, third, fourth, fifth, environment,
+                averaging, phase, dt_last, dt,
+            )  # fmt: skip
     if unscheduled is not None:
+        placed = body.placed
+        corner_force = arrays.corner_force[placed.first_force : placed.last_force]
+        history = arrays.history[placed.first_history : placed.last_history]
         internal_forces(placed.data, arrays.position, corner_force, history)
         if fibre_bending is not None:
             fibre_bending_forces(
-                fibre_bending,
+                referred(fibre_bending),  # type: ignore[call-arg]
                 placed.first_bending,
                 placed.last_bending,
                 arrays.position,
@@ -237,39 +224,35 @@ def move_body(
                 arrays.bending_vector,
             )
         move_nodes(
-            arrays,
-            placed.first_chunk,
-            placed.last_chunk,
-            slot_runs,
-            first,
-            second,
-            third,
-            fourth,
-            fifth,
-            environment,
-            averaging,
-            dt_last,
-            dt,
+            arrays, body, first, second, third, fourth, fifth, environment, averaging, dt_last, dt
         )
 
 
 @kernel_part
 def move_nodes(
-    arrays, first_chunk, last_chunk, slot_runs, first, second, third, fourth, fifth, environment,
-    averaging, dt_last, dt,
-):  # fmt: skip
+    arrays, body, first, second, third, fourth, fifth, environment, averaging, dt_last, dt
+):
     """Sum the forces on the nodes of a body, and update velocities and positions."""
-    for k in prange(last_chunk - first_chunk):
+    for k in prange(chunk_count(body)):
         acting = (first, second, third, fourth, fifth)
-        work = np.empty(scratch_of(acting))
-        chunk = arrays.chunk_order[first_chunk + k]
-        move_chunk(arrays, slot_runs, acting, environment, averaging, chunk, dt_last, dt, work)
+        work, chunk = np.empty(scratch_of(acting)), chunk_of(arrays, body, k)
+        move_chunk(arrays, body.slot_runs, acting, environment, averaging, chunk, dt_last, dt, work)
+
+
+@equation
+def chunk_count(body):
+    return body.placed.last_chunk - body.placed.first_chunk
+
+
+@equation
+def chunk_of(arrays, body, k):
+    return int(arrays.chunk_order[body.placed.first_chunk + k])
 
 
 @uncounted_routine
 def move_chunk(arrays, slot_runs, acting, environment, averaging, chunk, dt_last, dt, work):
     """Sum the forces on the nodes of a chunk, and update their velocities and positions."""
-    first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
+    first, last = int(arrays.chunk_start[chunk]), int(arrays.chunk_start[chunk + 1])
     sums = arrays.chunk_sums[chunk]
     sums[:] = 0.0
     gather_internal_forces(arrays, slot_runs, chunk, first, last)
@@ -295,78 +278,75 @@ def scratch_of(acting):
 
 @kernel_part
 def make_parts(
-    arrays,
-    schedule,
-    slot_runs,
-    phase,
-    corner_force,
-    history,
-    corner_node,
-    corner_run,
-    element_data,
-    law,
-    options,
-    quick_data,
-    quick_options,
-    general,
-    fibre_bending,
-    first,
-    second,
-    third,
-    fourth,
-    fifth,
-    environment,
-    averaging,
-    dt_last,
-    dt,
-):
+    arrays, body, fibre_bending, first, second, third, fourth, fifth, environment, averaging,
+    phase, dt_last, dt,
+):  # fmt: skip
     """Make the parts of a phase of a step.
 
     One loop for all phases: compiled twice, a chunk of nodes might get other last digits between
-    two parts than within one. What is in tuples of tuples, the constants of a sheet and the
-    interactions, comes one by one: a parallel loop takes no tuple that holds tuples.
+    two parts than within one.
     """
-    first_part = schedule.phase_start[phase]
-    for k in prange(schedule.phase_start[phase + 1] - first_part):
-        part = first_part + k
+    first_part, count = parts_of_phase(body, phase)
+    for k in prange(count):
         acting = (first, second, third, fourth, fifth)
         work = np.empty(scratch_of(acting))
-        for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
-            for piece in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
-                block = schedule.block[piece]
-                forces_of_block(
-                    arrays.position,
-                    corner_node,
-                    corner_run,
-                    element_data,
-                    corner_force,
-                    history,
-                    law,
-                    options,
-                    quick_data,
-                    quick_options,
-                    general,
-                    block,
-                    schedule.place[block],
-                    Step(dt_last, arrays.clock[TIME]),
-                )
-            if fibre_bending is not None:
-                bend_fibres(arrays, schedule, fibre_bending, tile)
-            for piece in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
-                move_chunk(
-                    arrays,
-                    slot_runs,
-                    acting,
-                    environment,
-                    averaging,
-                    schedule.chunk[piece],
-                    dt_last,
-                    dt,
-                    work,
-                )
+        make_part(
+            arrays, body, fibre_bending, acting, environment, averaging, first_part + k, dt_last,
+            dt, work,
+        )  # fmt: skip
+
+
+@equation
+def parts_of_phase(body, phase):
+    """Return the first part of a phase, and how many it has."""
+    start = body.schedule.phase_start
+    return int(start[phase]), int(start[phase + 1] - start[phase])
 
 
 @uncounted_routine
+def make_part(arrays, body, fibre_bending, acting, environment, averaging, part, dt_last, dt, work):
+    """Make a part of a step: the forces of its tiles, and the motion of the nodes behind each."""
+    schedule = body.schedule
+    for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
+        forces_of_tile(arrays, body, tile, dt_last)
+        if fibre_bending is not None:
+            bend_fibres(arrays, schedule, fibre_bending, tile)
+        for place in range(schedule.chunk_start[tile], schedule.chunk_start[tile + 1]):
+            chunk = int(schedule.chunk[place])
+            move_chunk(
+                arrays, body.slot_runs, acting, environment, averaging, chunk, dt_last, dt, work
+            )
+
+
+@standalone_loop
+def forces_of_tile(arrays, body, tile, dt_last):
+    """Write the internal forces of the elements of a tile."""
+    schedule, placed = body.schedule, body.placed
+    data = placed.data
+    corner_force = arrays.corner_force[placed.first_force : placed.last_force]
+    history = arrays.history[placed.first_history : placed.last_history]
+    step = Step(dt_last, arrays.clock[TIME])
+    for place in range(schedule.block_start[tile], schedule.block_start[tile + 1]):
+        block = schedule.block[place]
+        forces_of_block(
+            arrays.position,
+            data.corner_node,
+            data.corner_run,
+            data.element_data,
+            corner_force,
+            history,
+            data.law,
+            data.options,
+            data.quick_data,
+            data.quick_options,
+            data.general,
+            block,
+            schedule.place[block],
+            step,
+        )
+
+
+@standalone_routine
 def bend_fibres(arrays, schedule, data, tile):
     """Make what the fibres' bending has to do behind a tile of elements."""
     middle, vector, force = arrays.bending_middle, arrays.bending_vector, arrays.corner_force
@@ -378,7 +358,7 @@ def bend_fibres(arrays, schedule, data, tile):
         add_vectors(data, vector, force, schedule.sum[k])
 
 
-@span_routine
+@standalone_span_routine
 def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, sums):
     """Update velocity (to n + ½) and position (to n + 1), and sum the energies of the nodes.
 
@@ -422,7 +402,7 @@ def integrate(arrays, free, environment, averaging, first, last, dt_last, dt, su
         sums[EXTERNAL] += weight
 
 
-@uncounted_routine
+@standalone_routine
 def add_chunk_sums(arrays):
     """Reduce the sums of the chunks, in their order."""
     work, sums, tool_force = arrays.work, arrays.chunk_sums, arrays.tool_force

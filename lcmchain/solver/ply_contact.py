@@ -11,13 +11,12 @@ from lcmchain.effects.interaction import (
     before_nodes,
     begin_steps,
     bound,
-    on_nodes,
 )
 from lcmchain.interfaces.forces import STEPS_LEFT, add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.refresh import refresh
-from lcmchain.interfaces.surfaces import InterfaceData, PlyContact
-from lcmchain.jit import equation, uncounted_routine
+from lcmchain.interfaces.surfaces import PlyContact
+from lcmchain.jit import equation, standalone_routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
 
 
@@ -33,23 +32,16 @@ def press_plies(plies, arrays, dt_last, dt):
     move_plies(plies, arrays, dt_last, dt)
 
 
-@uncounted_routine
+@standalone_routine
 def move_plies(plies, arrays, dt_last, dt):
     """Make the forces of all points between plies, on springs that are renewed when it is time."""
     if arrays.ply_counters[STEPS_LEFT] <= 0:
         arrays.work[PLY_REFRESH] -= refresh(plies.data, plies.laws, arrays, dt_last, dt)
-    first, second, third, fourth, fifth, sixth = plies.laws
-    forces_of_points(plies.data, first, second, third, fourth, fifth, sixth, arrays, dt_last)
+    forces_of_points(plies, arrays, dt_last)
     arrays.ply_counters[STEPS_LEFT] -= 1
 
 
-@implements(on_nodes, PlyContact)
-@equation
-def the_plies(plies):
-    return plies.data
-
-
-@implements(add_to_nodes, InterfaceData)
+@implements(add_to_nodes, PlyContact)
 @equation
 def ply_forces_of_chunk(plies, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
     stored, lost, damped = add_ply_forces(plies, arrays, chunk, first, last)

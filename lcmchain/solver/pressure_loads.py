@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from lcmchain.effects.face_pressure import (
     face_frequencies,
     face_pressures,
 )
-from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound, on_nodes
+from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound
 from lcmchain.effects.pore_columns import (
     column_drops,
     mobilities,
@@ -32,14 +32,8 @@ from lcmchain.effects.pressures import (
 from lcmchain.effects.regional_pressure import RegionalPressure, present_pressures, regional_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
-from lcmchain.jit import equation, routine, span_routine, uncounted_routine
+from lcmchain.jit import equation, routine, standalone_span_routine, uncounted_routine
 from lcmchain.state import EXTERNAL, TIME, State
-
-
-class PressureLoads(NamedTuple):
-    """The loads of all pressures, as they lie on the corners of the elements."""
-
-    nothing: int
 
 
 @implements(before_nodes, PorePressures)
@@ -118,23 +112,17 @@ def add_outer_face_loads(face, arrays, added):
 
 
 @equation
-def their_loads(pressures):
-    return PressureLoads(0)
+def loads_of_chunk(pressures, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+    add_pressure_loads(arrays, first, last, dt_last, sums)
 
 
 for kind in (
     PorePressures, FacePressures, BothPressures, ColumnPressures, ColumnAndFacePressures
 ):  # fmt: skip
-    implements(on_nodes, kind)(their_loads)
+    implements(add_to_nodes, kind)(loads_of_chunk)
 
 
-@implements(add_to_nodes, PressureLoads)
-@equation
-def loads_of_chunk(loads, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
-    add_pressure_loads(arrays, first, last, dt_last, sums)
-
-
-@span_routine
+@standalone_span_routine
 def add_pressure_loads(arrays, first, last, dt_last, sums):
     """Sum up the loads on the corners for nodes ``first`` to ``last``, and add them to the force.
 

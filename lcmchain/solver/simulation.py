@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.compilation.references import Reference
 from lcmchain.compilation.threads import thread_count
 from lcmchain.effects import fibre_bending
 from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
@@ -32,7 +33,7 @@ from lcmchain.solver import (
     tool_motion,
 )
 from lcmchain.solver.contact_search import find_near_nodes
-from lcmchain.solver.loop import Arrays, advance, in_order
+from lcmchain.solver.loop import Arrays, LoopArguments, advance, in_order
 from lcmchain.solver.recovery import diagnosis, halving_warnings
 from lcmchain.state import (
     CHUNKS,
@@ -173,6 +174,8 @@ class Simulation:
         if model.stages and state is None:
             stages.begin_first(model, self.state)
         self.control = StepControl()
+        self._constants: tuple[Model, tuple[Any, ...], Any] | None = None
+        self._loop_arguments: Any = None
         self._orders: dict[int, tuple[tuple[Any, ...], Any]] = {}
         self._bind()
 
@@ -527,21 +530,27 @@ class Simulation:
         }  # fmt: skip
         if not self.model.lets_go:
             arrays["free"] = self.model.nodes.free  # nothing changes it
-        self._arrays = Arrays(**arrays)
+        self._arrays = Reference(Arrays(**arrays))
 
     def _advance(self, step_count: int, step: float) -> None:
-        model = self.model
+        advance(self._arguments(), step_count, float(step))
+
+    def _arguments(self) -> Any:
+        """Return what the loop works on, as long as model, arrays and threads are the present."""
+        if self._constants is None or self._constants[0] is not self.model:
+            interactions = in_places(tuple(map(Reference, self.model.interactions)))
+            self._constants = self.model, interactions, Reference(self.model.environment)
+            self._loop_arguments = None
+        model, interactions, environment = self._constants
         bodies, bending = self._ordered()
-        advance(
-            self._arrays,
-            bodies,
-            bending,
-            in_places(model.interactions),
-            model.environment,
-            model.averaging,
-            step_count,
-            float(step),
-        )
+        given = self._loop_arguments
+        if given is None or given.arrays is not self._arrays or given.bodies is not bodies:
+            given = self._loop_arguments = Reference(
+                LoopArguments(
+                    self._arrays, bodies, bending, interactions, environment, model.averaging
+                )
+            )
+        return given
 
     def _ordered(self) -> tuple[tuple[Any, ...], Any]:
         """Return the bodies with their orders of a step for the present threads.

@@ -10,7 +10,7 @@ import numpy as np
 from lcmchain.dispatch import implements
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
-from lcmchain.jit import equation, uncounted_routine
+from lcmchain.jit import equation, standalone_routine, uncounted_routine
 from lcmchain.solver.contact_search import find_near_packs
 from lcmchain.state import (
     EXTERNAL,
@@ -41,6 +41,12 @@ def begin_contact(tools, arrays):
 @implements(after_nodes, ToolTable)
 @equation
 def load_and_move_tools(tools, arrays, environment, dt_last, dt):
+    finish_tools(tools, arrays, dt_last, dt)
+
+
+@standalone_routine
+def finish_tools(tools, arrays, dt_last, dt):
+    """Sum up what the nodes have done to the tools in a step, and move these."""
     add_moments(tools.turn_axis, arrays, 0.5 * (dt_last + dt))
     add_tool_loads(arrays, arrays.clock[TIME], dt_last, dt)
     move_tools(arrays, tools, arrays.clock[TIME], dt_last, dt)

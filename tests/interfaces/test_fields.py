@@ -12,6 +12,7 @@ from stacks import T, of_points, ply, scene_of, stack
 from test_sliding import MU, sled
 
 from lcmchain.check.large_mesh import frame_bytes
+from lcmchain.compilation.references import Reference
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
@@ -177,10 +178,10 @@ def laid_over(gap, shift=0.0):
 
 def look(sim, ahead=0.0):
     """Renew all springs, and make their forces; ``ahead`` is the time that springs shall last."""
-    (data, laws), arrays = sim.model.ply_contact, sim.arrays
+    plies, arrays = Reference(sim.model.ply_contact), sim.arrays
     arrays.ply_counters[LAST_STEPS] = 2
-    refresh(data, laws, arrays, 0.0, ahead)
-    forces_of_points(data, *laws, arrays, 0.0)
+    refresh(plies.data, plies.laws, arrays, 0.0, ahead)
+    forces_of_points(plies, arrays, 0.0)
 
 
 @pytest.mark.parametrize("gap", [0.3, -0.1])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from stacks import MU, T, of_points, ply, scene_of, stack
 
+from lcmchain.compilation.references import Reference
 from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
@@ -42,15 +43,15 @@ def renew(sim, steps=0):
 
 def forces_at(sim, position):
     """Forces of the frozen springs on all nodes (3, node_count) [N], and their energy [J]."""
-    (data, laws), arrays = sim.model.ply_contact, sim.arrays
+    plies, arrays = Reference(sim.model.ply_contact), sim.arrays
     kept, springs = arrays.position.copy(), arrays.ply_rows.copy()
     arrays.position[:] = position
-    list_points(data, arrays)
-    forces_of_points(data, *laws, arrays, 0.0)
+    list_points(plies.data, arrays)
+    forces_of_points(plies, arrays, 0.0)
     arrays.force[:] = 0.0
     stored = 0.0
     for chunk, (first, last) in enumerate(pairwise(arrays.chunk_start.tolist())):
-        stored += add_ply_forces(data, arrays, chunk, first, last)[0]
+        stored += add_ply_forces(plies, arrays, chunk, first, last)[0]
     arrays.position[:] = kept
     arrays.ply_rows[:] = springs
     return arrays.force.copy(), stored
@@ -285,14 +286,14 @@ def glide(sim, way, asked=False):
 
     asked : ask the laws of all points, also of those that rest.
     """
-    (data, laws), arrays, dt = sim.model.ply_contact, sim.arrays, 1e-6
+    plies, arrays, dt = Reference(sim.model.ply_contact), sim.arrays, 1e-6
     upper = slice(sim.model.bodies[1].first_node, None)
     arrays.velocity[:, upper] = np.reshape(way, (3, 1)) / dt
     arrays.position[:, upper] += np.reshape(way, (3, 1))
     if asked:
         arrays.ply_acts[:] = 1
-    list_points(data, arrays)
-    forces_of_points(data, *laws, arrays, dt)
+    list_points(plies.data, arrays)
+    forces_of_points(plies, arrays, dt)
     sums = arrays.ply_sums[:, [forces.STORED, forces.LOST, forces.DAMPED]].sum(axis=0)
     return np.stack([of_points(sim, FORCE + d) for d in range(3)]), sums
 

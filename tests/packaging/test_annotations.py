@@ -16,6 +16,7 @@ pytestmark = pytest.mark.skipif(
 COMPILED = {
     "equation", "strict_equation", "routine", "span_routine", "span_part", "ordered_span_routine",
     "inlined_routine", "uncounted_routine", "uncounted_entry", "kernel_part", "unrolled",
+    "standalone_routine", "standalone_loop", "standalone_span_routine",
     "entry", "kernel", "implements", "required", "optional", "njit", "overload", "intrinsic",
     "instruction",
 }  # fmt: skip

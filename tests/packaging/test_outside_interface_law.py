@@ -12,6 +12,7 @@ import json, sys
 sys.path.insert(0, {tests!r})
 from drag import DragTable
 from stacks import T, ply, scene_of, stack
+from lcmchain.compilation.references import Reference
 from lcmchain.interfaces.forces import LOST, forces_of_points, list_points
 from lcmchain.interfaces.rows import AREA, FORCE, NORMAL, REACH, SHARE, WEIGHT, row_start
 from lcmchain.interfaces.table import Interface
@@ -19,7 +20,7 @@ from lcmchain.tools.span_rows import SPAN, vector_at
 
 between = Interface().with_laws(DragTable(coefficient=50.0, fastest=10.0))
 sim = stack([ply("bed", z=0.5 * T), ply("sled", z=1.5 * T)], scene_of(), between)
-(data, laws), arrays, dt = sim.model.ply_contact, sim.arrays, 1e-7
+data, arrays, dt = sim.model.ply_contact.data, sim.arrays, 1e-7
 point = sim.model.bodies[1].first_node
 arrays.velocity[0, point] = {speed}
 arrays.ply_facet[point] = sim.model.bodies[0].mesh.element_count  # the first one of its upper face
@@ -28,7 +29,7 @@ rows = {{WEIGHT: 1.0, NORMAL + 2: 1.0, SHARE: 1.0, AREA: {area}, REACH: 1e-5}}
 for row, value in rows.items():
     arrays.ply_rows[at + row * SPAN] = value
 list_points(data, arrays)
-forces_of_points(data, *laws, arrays, dt)
+forces_of_points(Reference(sim.model.ply_contact), arrays, dt)
 stats = forces_of_points.for_python.stats
 print(json.dumps({{
     "force": vector_at(arrays.ply_rows, FORCE, at),

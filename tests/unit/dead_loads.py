@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from lcmchain.dispatch import implements
-from lcmchain.effects.interaction import add_to_nodes, on_nodes
+from lcmchain.effects.interaction import add_to_nodes
 from lcmchain.jit import equation, move_cache
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL
@@ -28,23 +28,17 @@ class Dead(NamedTuple):
 
 
 @equation
-def dead_on_nodes(interaction):
-    return interaction
-
-
-@equation
-def add_dead(acting, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
+def add_dead(loads, arrays, environment, chunk, first, last, dt_last, dt, work, sums):
     for i in range(first, last):
         for d in range(3):
-            arrays.force[d, i] += acting.force[d, i]
-            sums[EXTERNAL] += dt_last * acting.force[d, i] * arrays.velocity[d, i]
+            arrays.force[d, i] += loads.force[d, i]
+            sums[EXTERNAL] += dt_last * loads.force[d, i] * arrays.velocity[d, i]
 
 
 @contextmanager
 def kept_apart() -> Iterator[None]:
     """Let kernels take these forces, and keep those that are compiled here in a folder apart."""
     before = numba.config.CACHE_DIR
-    implements(on_nodes, Dead)(dead_on_nodes)
     implements(add_to_nodes, Dead)(add_dead)
     try:
         yield
