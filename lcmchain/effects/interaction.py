@@ -2,12 +2,13 @@
 
 An interaction is a NamedTuple of constant arrays: the tools, the pressures in and on a sheet, the
 supports, the grippers that pull. Compiled code takes it by reference, as it takes all arrays
-(:mod:`lcmchain.compilation.references`). It registers (:mod:`lcmchain.dispatch`) what it does in a step;
-what it does not register is left out of the compiled loop, as is an interaction that a model does
-not have. What it registers is compiled with the options of an equation: a loop over nodes that
+(:mod:`lcmchain.compilation.references`). It registers (:mod:`lcmchain.dispatch`) what it does in a
+step; what it does not register is left out of the compiled loop, as is an interaction that a model
+does not have. What it registers is compiled with the options of an equation. A loop over nodes that
 wants options of its own, and a parallel loop, stand in a routine that is called there: best in a
-standalone one (:mod:`lcmchain.jit`), which is compiled once for all models that have it. The order of
-a step is that of :func:`lcmchain.solver.loop.advance`:
+standalone one (:mod:`lcmchain.jit`), which is compiled once for all models that have it.
+
+The order of a step is that of :func:`lcmchain.solver.loop.advance`:
 
 1. :func:`before_nodes`: forces that need the positions of all nodes;
 2. :func:`add_to_nodes`: forces on the nodes of a chunk, which move at once afterwards;

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba import njit, typeof
 
-from lcmchain.compilation.references import Reference, referred
+from lcmchain.compilation.references import Reference, ReferenceType, referred
 from lcmchain.compilation.standalone import PREFIX, StandaloneDispatcher
 from lcmchain.effects.interaction import scratch_size
 from lcmchain.packs import PACK
@@ -139,6 +139,22 @@ def test_heavy_work_of_a_step_has_code_of_its_own():
         assert isinstance(function, StandaloneDispatcher)
     names = {loop.integrate.name_for((typeof(np.zeros(shape)),)) for shape in (2, (2, 2))}
     assert len(names) == 2 and all(name.startswith(PREFIX) for name in names)
+
+
+def test_classes_of_one_name_are_told_apart():
+    def other():
+        class Inner(NamedTuple):
+            flag: bool
+            rate: float
+            rows: np.ndarray
+
+        return Inner
+
+    given = fields().inner
+    kinds = typeof(given), typeof(other()(*given))
+    assert str(kinds[0]) == str(kinds[1])
+    names = {loop.integrate.name_for((kind,)) for kind in kinds}
+    assert len(names | {loop.integrate.name_for((ReferenceType(kinds[0]),))}) == 3
 
 
 MODULE = """
