@@ -56,3 +56,17 @@ def test_the_collector_looks_seldom_while_numba_compiles_and_as_before_afterward
         gc.set_threshold(*before)
     assert seen_on == {THRESHOLDS} and after == (500, 7, 9)
     assert {threshold[0] for threshold in seen} == {0}
+
+
+def test_only_the_outermost_timer_of_a_kind_listens():
+    times = {"outer": [], "inner": [], "other": []}
+    with event.install_timer("numba:compile", times["outer"].append):
+        listening = len(event._registered["numba:compile"])
+        with event.install_timer("numba:compile", times["inner"].append):
+            assert len(event._registered["numba:compile"]) == listening
+        with event.install_timer("numba:llvm_lock", times["other"].append):
+            assert len(event._registered["numba:compile"]) == listening
+    assert [len(found) for found in times.values()] == [1, 0, 1]
+    with event.install_timer("numba:compile", times["inner"].append):
+        pass
+    assert len(times["inner"]) == 1
