@@ -59,14 +59,15 @@ def test_the_collector_looks_seldom_while_numba_compiles_and_as_before_afterward
 
 
 def test_only_the_outermost_timer_of_a_kind_listens():
-    times = {"outer": [], "inner": [], "other": []}
-    with event.install_timer("numba:compile", times["outer"].append):
-        listening = len(event._registered["numba:compile"])
-        with event.install_timer("numba:compile", times["inner"].append):
-            assert len(event._registered["numba:compile"]) == listening
-        with event.install_timer("numba:llvm_lock", times["other"].append):
-            assert len(event._registered["numba:compile"]) == listening
-    assert [len(found) for found in times.values()] == [1, 0, 1]
-    with event.install_timer("numba:compile", times["inner"].append):
-        pass
-    assert len(times["inner"]) == 1
+    compiling, locked = event._registered["numba:compile"], event._registered["numba:llvm_lock"]
+    before, seconds = (len(compiling), len(locked)), []
+    for _ in range(2):
+        with event.install_timer("numba:compile", seconds.append):
+            with event.install_timer("numba:compile", seconds.append):
+                assert len(compiling) == before[0] + 1
+            with event.install_timer("numba:llvm_lock", seconds.append):
+                assert len(locked) == before[1] + 1
+            with event.trigger_event("numba:compile"):
+                pass
+    assert (len(compiling), len(locked)) == before
+    assert len(seconds) == 2
