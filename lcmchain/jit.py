@@ -72,10 +72,8 @@ def routine(function: Callable[..., Any]) -> Dispatcher:
 def uncounted_routine(function: Callable[..., Any]) -> Dispatcher:
     """Compile like :func:`routine` a function that makes no array and returns none.
 
-    Nor may what it calls return one. Each use of a tuple of arrays counts a reference of every
-    array up and down again. Where a routine hands on all arrays of the solver, that is most of its
-    code, which the compiler takes away again at last: without it the loop over the steps is
-    compiled in three quarters of the time.
+    Nor may what it calls return one. Each use of an array counts a reference to it up and down
+    again: most of the code of a routine that hands many on, which the compiler takes away at last.
     """
     return _part(function, error_model="numpy", fastmath=FLOATING_POINT, _nrt=False)
 

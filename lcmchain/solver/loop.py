@@ -239,6 +239,7 @@ def move_nodes(
         move_chunk(arrays, body.slot_runs, acting, environment, averaging, chunk, dt_last, dt, work)
 
 
+# Functions, as a parallel loop reads no field of a reference by itself.
 @equation
 def chunk_count(body):
     return body.placed.last_chunk - body.placed.first_chunk
