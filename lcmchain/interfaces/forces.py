@@ -196,14 +196,9 @@ def leave_rest(laws, rows, at, time):
 @kernel_part
 def forces_of_points(plies, arrays, dt_last):
     """Write the force on every point, and the energies of every chunk of nodes."""
-    for chunk in prange(chunk_count(arrays)):
+    for chunk in prange(arrays.ply_sums.shape[0]):
         ways = np.zeros(WAY_ROWS * SPAN)
         forces_of_chunk(plies, arrays, chunk, dt_last, ways)
-
-
-@equation
-def chunk_count(arrays):
-    return arrays.ply_sums.shape[0]
 
 
 @ordered_span_routine

@@ -233,21 +233,11 @@ def move_nodes(
     arrays, body, first, second, third, fourth, fifth, environment, averaging, dt_last, dt
 ):
     """Sum the forces on the nodes of a body, and update velocities and positions."""
-    for k in prange(chunk_count(body)):
+    first_chunk = body.placed.first_chunk
+    for k in prange(body.placed.last_chunk - first_chunk):
         acting = (first, second, third, fourth, fifth)
-        work, chunk = np.empty(scratch_of(acting)), chunk_of(arrays, body, k)
+        work, chunk = np.empty(scratch_of(acting)), int(arrays.chunk_order[first_chunk + k])
         move_chunk(arrays, body.slot_runs, acting, environment, averaging, chunk, dt_last, dt, work)
-
-
-# Functions, as a parallel loop reads no field of a reference by itself.
-@equation
-def chunk_count(body):
-    return body.placed.last_chunk - body.placed.first_chunk
-
-
-@equation
-def chunk_of(arrays, body, k):
-    return int(arrays.chunk_order[body.placed.first_chunk + k])
 
 
 @uncounted_routine
@@ -287,21 +277,15 @@ def make_parts(
     One loop for all phases: compiled twice, a chunk of nodes might get other last digits between
     two parts than within one.
     """
-    first_part, count = parts_of_phase(body, phase)
-    for k in prange(count):
+    start = body.schedule.phase_start
+    first_part = int(start[phase])
+    for k in prange(int(start[phase + 1]) - first_part):
         acting = (first, second, third, fourth, fifth)
         work = np.empty(scratch_of(acting))
         make_part(
             arrays, body, fibre_bending, acting, environment, averaging, first_part + k, dt_last,
             dt, work,
         )  # fmt: skip
-
-
-@equation
-def parts_of_phase(body, phase):
-    """Return the first part of a phase, and how many it has."""
-    start = body.schedule.phase_start
-    return int(start[phase]), int(start[phase + 1] - start[phase])
 
 
 @uncounted_routine
