@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import depth_control, gap_left, pressure_in_gap
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (

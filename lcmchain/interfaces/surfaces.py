@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW

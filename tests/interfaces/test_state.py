@@ -11,10 +11,10 @@ from test_sliding import sled
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.forces import REFRESHES, TOO_DEEP
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
-from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.rows import SPRING_ROWS
 from lcmchain.interfaces.table import Interface
 from lcmchain.solver import guards
+from lcmchain.solver.interactions.ply_contact import omega2_bound
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import KINETIC
 from lcmchain.tools.span_rows import NODE_CHUNK

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound
+from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound, shear_may_stiffen
 from lcmchain.elements.fibre_volume import (
     CAUSE_OF_SHEAR,
     initial_fibre_volume_fraction,
@@ -36,7 +36,6 @@ from lcmchain.elements.membrane_shell.patch import (
     angle_shares,
     triangle_geometry,
 )
-from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,

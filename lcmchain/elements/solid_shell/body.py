@@ -10,11 +10,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
+from lcmchain.elements.blocks import LANES, find_runs, from_blocks, in_blocks
+from lcmchain.elements.family import (
+    Condition,
+    NormalPressure,
+    ReferenceFrequencies,
+    Unsound,
+    shear_may_stiffen,
+)
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
-from lcmchain.elements.lane_runs import find_runs
-from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.curvature import renew_curvature
 from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.effects import solid_shell_effects

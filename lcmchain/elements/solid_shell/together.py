@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.elements.blocks import SharedBlocks
 from lcmchain.elements.solid_shell.kernel import SolidShellData
 

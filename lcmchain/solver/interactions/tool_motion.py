@@ -11,7 +11,7 @@ from lcmchain.dispatch import implements
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
 from lcmchain.jit import equation, standalone_routine, uncounted_routine
-from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.solver.interactions.contact_forces import find_near_packs
 from lcmchain.state import (
     EXTERNAL,
     KINETIC,

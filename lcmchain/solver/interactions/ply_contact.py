@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from lcmchain.dispatch import implements
 from lcmchain.effects.interaction import (
     Bound,
@@ -13,11 +15,12 @@ from lcmchain.effects.interaction import (
     bound,
 )
 from lcmchain.interfaces.forces import STEPS_LEFT, add_ply_forces, forces_of_points, list_points
-from lcmchain.interfaces.limits import omega2_bound
 from lcmchain.interfaces.refresh import refresh
+from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
 from lcmchain.interfaces.surfaces import PlyContact
-from lcmchain.jit import equation, standalone_routine
+from lcmchain.jit import entry, equation, standalone_routine
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
+from lcmchain.tools.span_rows import SPAN
 
 
 @implements(begin_steps, PlyContact)
@@ -55,3 +58,39 @@ def _bound_of_plies(plies: PlyContact, model: Any, state: State, ahead: float) -
     omega2 = omega2_bound(model, state)
     rate = plies.data.damping_time * omega2 + plies.data.sliding_rate
     return Bound(omega2, rate, "contact between plies")
+
+
+def omega2_bound(model: Any, state: Any) -> float:
+    """Return what the springs between plies add to the largest ω² [1/s²], at most.
+
+    The largest row sum of M⁻¹K, of all springs that are there and at least of plies of equal meshes
+    in full contact: what comes into contact until the next look is then covered.
+    """
+    data, mass = model.ply_contact.data, model.nodes.mass
+    return max(data.omega2, largest_row_sum(data, state.ply_facet, state.ply_rows, mass))
+
+
+@entry
+def largest_row_sum(data, facets, springs, mass):
+    """Return the largest Σ |K| / m of all nodes [1/s²] by the springs of points over facets.
+
+    Springs against sliding are at right angles to those of the pressure: the stiffer ones count.
+    """
+    rows = np.zeros(mass.size)
+    for point in range(facets.size):
+        facet = facets[point]
+        if facet >= 0:
+            at = row_start(data, point)
+            total = 1.0
+            for k in range(4):
+                total += abs(springs[at + (WEIGHT + k) * SPAN])
+            stiffness = springs[at + STIFFNESS * SPAN]
+            stiffness *= data.stiffer[int(springs[at + INTERFACE * SPAN])]
+            rows[point] += stiffness * total
+            for k in range(4):
+                weight = abs(springs[at + (WEIGHT + k) * SPAN])
+                rows[data.facet_node[facet, k]] += stiffness * weight * total
+    largest = 0.0
+    for node in range(mass.size):
+        largest = max(largest, rows[node] / mass[node])
+    return largest
