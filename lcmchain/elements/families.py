@@ -34,9 +34,7 @@ class KinematicElement(SceneModel):
 
 
 FAMILIES: dict[str, type[Body]] = {
-    # both are frozen: mypy misses the right to set what a Body has
-    family.type: family  # type: ignore[misc]
-    for family in (SolidShellBody, MembraneShellBody)
+    family.type: family for family in (SolidShellBody, MembraneShellBody)
 }
 
 #: The entry ``element``.

@@ -14,6 +14,7 @@ import numpy as np
 
 from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
@@ -147,7 +148,7 @@ class PlyContact(NamedTuple):
 
 def build_interfaces(
     interfaces: Sequence[Interface],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     automatic_penalties: Sequence[float],
 ) -> PlyContact | None:
     """Return the contact between plies; None where none touch.
@@ -168,7 +169,7 @@ def build_interfaces(
 
 def interfaces_of_stages(
     stages: Sequence[Sequence[Interface]],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     automatic_penalties: Sequence[float],
     there: Sequence[Sequence[bool]] = (),
 ) -> list[PlyContact]:
@@ -372,12 +373,12 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
                 )
 
 
-def largest_area_by_mass(bodies: Sequence[Any]) -> float:
+def largest_area_by_mass(bodies: Sequence[Body]) -> float:
     """Return the largest area over mass of a node [m²/kg]."""
     return max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
 
 
-def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[Any]) -> np.ndarray:
+def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[Body]) -> np.ndarray:
     """Return the time in which depths between two plies may go to zero (ply_count, ply_count) [s].
 
     damping : of each interface [Pa s/m].
@@ -387,7 +388,7 @@ def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[An
     return LEAST_DAMPED_TIMES * np.maximum(heaviest, heaviest[:, np.newaxis]) / of_pair
 
 
-def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
+def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Body]) -> float:
     """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest interface."""
     return 2.0 * float(penalties.max()) * largest_area_by_mass(bodies)
 
@@ -438,7 +439,7 @@ def _of_pairs(
     return law
 
 
-def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:
+def _faces_of(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """Return the facets of the lower and the upper face in nodes of the model."""
     lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
     turned = lower[:, [1, 0, 3, 2]]
@@ -447,7 +448,7 @@ def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:
     return turned + body.first_node, upper + body.first_node
 
 
-def _partners(body: Any) -> np.ndarray:
+def _partners(body: Body) -> np.ndarray:
     """Return the node on the other face of each node, in nodes of the model."""
     partner = np.empty(body.mesh.node_count, dtype=np.int64)
     lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
@@ -459,7 +460,7 @@ def _edge_lengths(corner: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
 
 
-def _neighbours(body: Any, first_facet: int) -> np.ndarray:
+def _neighbours(body: Body, first_facet: int) -> np.ndarray:
     """Return the facet across each edge of a ply's facets, lower ones first; -1 at a rim.
 
     first_facet : number of the ply's first one. A triangle has none across the edge of no length.

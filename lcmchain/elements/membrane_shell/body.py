@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -91,7 +91,7 @@ class MembraneShellBody:
         choices: Any,
         first_node: int,
         first_element: int,
-    ) -> MembraneShellBody:
+    ) -> Self:
         """Build the body; without ``choices.bending`` no curvature is computed or kept.
 
         Raises
@@ -180,7 +180,7 @@ class MembraneShellBody:
         in_plane = self.material.wave_stiffness()[0] / self.material.density
         return in_plane * self.fibre_bound[0]
 
-    def with_mass_factor(self, factor: np.ndarray) -> MembraneShellBody:
+    def with_mass_factor(self, factor: np.ndarray) -> Self:
         return replace(self, mass_factor=factor)
 
     @cached_property

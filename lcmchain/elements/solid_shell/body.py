@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -102,7 +102,7 @@ class SolidShellBody:
         choices: Any,
         first_node: int,
         first_element: int,
-    ) -> SolidShellBody:
+    ) -> Self:
         """Build the body; ``choices`` is the scene's element table or the like.
 
         Raises
@@ -217,7 +217,7 @@ class SolidShellBody:
             fibre[self.cut.elements] = self.cut.fibre_bound
         return np.maximum(in_plane * fibre, normal / self.geometry.height**2)
 
-    def with_mass_factor(self, factor: np.ndarray) -> SolidShellBody:
+    def with_mass_factor(self, factor: np.ndarray) -> Self:
         cut = None if self.cut is None else self.cut.with_mass_factor(factor)
         return replace(self, cut=cut, mass_factor=factor)
 

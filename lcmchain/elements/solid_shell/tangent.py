@@ -16,7 +16,7 @@ Plain NumPy over blocks of elements, written separately from the compiled kernel
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from lcmchain.materials.law import (
     stabilising_tangent,
     tangent_coupling_of,
 )
+from lcmchain.model import Model
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
@@ -79,7 +80,7 @@ class Linearisation(NamedTuple):
 
 
 def linearise(
-    model: Any,
+    model: Model,
     displacement: np.ndarray,
     resultants: np.ndarray | None = None,
     history: np.ndarray | None = None,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lcmchain.dispatch import implements
@@ -19,6 +17,7 @@ from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.jit import entry, equation, standalone_routine
+from lcmchain.model import Model
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
 from lcmchain.tools.span_rows import SPAN
 
@@ -54,19 +53,19 @@ def ply_forces_of_chunk(plies, arrays, environment, chunk, first, last, dt_last,
 
 
 @bound.register(PlyContact)
-def _bound_of_plies(plies: PlyContact, model: Any, state: State, ahead: float) -> Bound:
-    omega2 = omega2_bound(model, state)
+def _bound_of_plies(plies: PlyContact, model: Model, state: State, ahead: float) -> Bound:
+    omega2 = omega2_bound(plies, model, state)
     rate = plies.data.damping_time * omega2 + plies.data.sliding_rate
     return Bound(omega2, rate, "contact between plies")
 
 
-def omega2_bound(model: Any, state: Any) -> float:
+def omega2_bound(plies: PlyContact, model: Model, state: State) -> float:
     """Return what the springs between plies add to the largest ω² [1/s²], at most.
 
     The largest row sum of M⁻¹K, of all springs that are there and at least of plies of equal meshes
     in full contact: what comes into contact until the next look is then covered.
     """
-    data, mass = model.ply_contact.data, model.nodes.mass
+    data, mass = plies.data, model.nodes.mass
     return max(data.omega2, largest_row_sum(data, state.ply_facet, state.ply_rows, mass))
 
 
