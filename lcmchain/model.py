@@ -495,11 +495,12 @@ def assemble_bodies(
     stiffness = _contact_stiffness(
         contact, tools, bodies, pressure, time, stages, absent is not None, bool(interfaces)
     )
-    depth_rate = contact.damping_ratio * np.sqrt(stiffness.penalty * nodes.area / nodes.mass).min()
+    slowest = float(np.sqrt(stiffness.penalty * nodes.area / nodes.mass).min())
+    depth_rate = 2.0 * contact.damping_ratio * slowest
 
     def depths(time: float) -> tuple[float | None, float]:
         materials = [body.material for body in bodies]
-        return depth_control(contact, tools, stiffness.gap, materials, time, 2.0 * depth_rate)
+        return depth_control(contact, tools, stiffness.gap, materials, time, depth_rate)
 
     contacts = interfaces_of_stages(
         interfaces_by_stage or [interfaces],
