@@ -14,8 +14,7 @@ from typing import Any, Protocol
 from lcmchain.errors import SimulationInterrupted
 from lcmchain.fingerprint import Fingerprint
 from lcmchain.scene import Scene
-from lcmchain.solver.checkpoint import Checkpoint, write_checkpoint
-from lcmchain.solver.frame_file import FrameFile
+from lcmchain.solver.checkpoint import Checkpoint, FrameFile, write_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.solver.stage_start import model_digest, written_values
 

@@ -9,16 +9,15 @@ from numba import njit
 from numba.core.dispatcher import Dispatcher
 
 from lcmchain.compilation.cache import let_processes_share
-from lcmchain.compilation.cache_lines import align_compiled_code
 from lcmchain.compilation.compiled_parts import know_parts, part
 from lcmchain.compilation.front_end import compile_in_less_time
+from lcmchain.compilation.processor import align_compiled_code, keep_lane_loops, use_widest_vectors
 from lcmchain.compilation.self_contained import keep_code_self_contained
 from lcmchain.compilation.standalone import know_standalone_code, standalone
 from lcmchain.compilation.threads import (
     launch_before_compiled_code_is_loaded,
     load_threading_library,
 )
-from lcmchain.compilation.vector_width import keep_lane_loops, use_widest_vectors
 
 load_threading_library()
 launch_before_compiled_code_is_loaded()

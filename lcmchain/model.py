@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import depth_control, gap_left, pressure_in_gap
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
 from lcmchain.effects.fibre_bending import (
@@ -478,6 +478,99 @@ def assemble_bodies(
         time_is_found=finds_pace,
         resists_rates=any(knows_step(sheet.material.law) for sheet in sheets),
     )
+    time = float(process.time)
+    bodies, order, placed, fibre_bending, last_force = _laid_out(sheets, process)
+    positions = np.concatenate([body.mesh.node_positions for body in bodies])
+    absent = absent_nodes(bodies, stages, stages[0]) if stages else None
+    tools = _tools_clear_of(tools, bodies, positions, absent)
+    grips = grips_of(grippers, bodies)
+    pulling = [grip for grip in grips if grip.settings.pulls]
+    holding = [grip.support(time) for grip in grips if not grip.settings.pulls]
+    supports = [*supports, *holding]
+    support_table, free = build_supports(supports, positions, time)
+    if free is None and absent is not None:
+        free = np.ones((3, len(positions)))  # plies that are laid down later are held until then
+    nodes = _node_data(bodies, placed, fibre_bending, last_force, free)
+    pressure = _pressures_on_faces(face_pressures, bodies, order, time)
+    stiffness = _contact_stiffness(
+        contact, tools, bodies, pressure, time, stages, absent is not None, bool(interfaces)
+    )
+    slowest = float(np.sqrt(stiffness.penalty * nodes.area / nodes.mass).min())
+    depth_rate = 2.0 * contact.damping_ratio * slowest
+
+    def depths(time: float) -> tuple[float | None, float]:
+        materials = [body.material for body in bodies]
+        return depth_control(contact, tools, stiffness.gap, materials, time, depth_rate)
+
+    contacts = interfaces_of_stages(
+        interfaces_by_stage or [interfaces],
+        bodies,
+        stiffness.of_plies,
+        there=[plan.plies for plan in stages] if absent is not None else (),
+    )
+    model = Model(
+        bodies=tuple(bodies),
+        interfaces=tuple(interfaces),
+        placed=placed,
+        fibre_bending=fibre_bending,
+        pore=pressed_elements(bodies, order, key="pore pressure") if pore_pressure else None,
+        face_pressure=pressure,
+        ply_contact=contacts[0] if contacts else None,
+        corner_force_size=last_force + EMPTY_ROWS,
+        nodes=nodes,
+        grips=grips,
+        grippers=gripper_table(pulling, positions, nodes.mass, nodes.chunk_start, time),
+        tools=tools,
+        tool_names=tuple(tool_names),
+        supports=support_table,
+        support_names=tuple(support.name for support in supports),
+        environment=Environment(
+            stiffness.penalty,
+            float(contact.tangential_ratio),
+            float(contact.damping_ratio),
+            *depths(time),
+            float(process.mass_damping),
+            weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
+        ),
+        averaging=process.damping_average if process.mass_damping > 0.0 else None,
+        pace=pace_law(bodies, time, process.quasi_static) if finds_pace else None,
+        automatic_penalty=contact.penalty is None,
+        process_time=time,
+        frame_count=int(process.frames),
+        step_safety=float(process.step_safety),
+        history_interval=float(history_interval),
+    )
+    if not stages:
+        return model
+    tables = stage_tables(
+        model,
+        stages,
+        contacts,
+        grippers=grippers,
+        supports=supports,
+        pressures=face_pressures,
+        quasi_static=float(process.quasi_static),
+        depth_time=lambda time: depths(time)[0],
+    )
+    return replace(model, stages=tables)
+
+
+class _LaidOut(NamedTuple):
+    """Bodies with the inertia that they move with, and their ranges of the flat arrays.
+
+    order : of their elements and fibres: those together that the loop takes as one body.
+    last_force : where the forces of elements and fibres end.
+    """
+
+    bodies: list[Body]
+    order: list[int]
+    placed: tuple[PlacedBody, ...]
+    fibre_bending: FibreBending | None
+    last_force: int
+
+
+def _laid_out(sheets: Sequence[Sheet], process: Any) -> _LaidOut:
+    """Build the bodies of all sheets, one behind the other in the numbers of nodes and elements."""
     bodies: list[Body] = []
     first_node = first_element = 0
     for name, mesh, material, element in sheets:
@@ -485,25 +578,8 @@ def assemble_bodies(
         bodies.append(family.build(name, mesh, material, element, first_node, first_element))
         first_node += mesh.node_count
         first_element += mesh.element_count
-    # those together that the loop takes as one
     order = [number for kind in kinds_of([body.data for body in bodies]) for number in kind]
     placed = _placed(bodies, order)
-    chunk_start = _chunk_start(placed)
-    positions = np.concatenate([body.mesh.node_positions for body in bodies])
-    offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
-    thickness = min(body.material.thickness for body in bodies)
-    absent = absent_nodes(bodies, stages, stages[0]) if stages else None
-    if absent is None:
-        tools = without_initial_overlap(tools, positions, offset, thickness)
-    else:
-        there = ~absent
-        tools = without_initial_overlap(tools, positions[there], offset[there], thickness)
-    grips = grips_of(grippers, bodies)
-    holding = [grip.support(process.time) for grip in grips if not grip.settings.pulls]
-    supports = [*supports, *holding]
-    support_table, free = build_supports(supports, positions, float(process.time))
-    if free is None and absent is not None:
-        free = np.ones((3, len(positions)))  # plies that are laid down later are held until then
     last_force = placed[order[-1]].last_force
     fibre_bending = build_fibre_bending([bodies[number] for number in order], last_force)
     bodies = with_added_mass(
@@ -515,101 +591,94 @@ def assemble_bodies(
     if fibre_bending is not None:
         last_force += fibre_bending.padded_count * FORCE_ROWS
         placed = _with_bending(placed, order, fibre_bending)
+    return _LaidOut(bodies, order, placed, fibre_bending, last_force)
+
+
+def _tools_clear_of(
+    tools: ToolTable, bodies: Sequence[Body], positions: np.ndarray, absent: np.ndarray | None
+) -> ToolTable:
+    """Return the tools, without small overlaps with the sheets that are there at the start."""
+    offset = _contact_offsets(bodies)
+    thickness = min(body.material.thickness for body in bodies)
+    if absent is not None:
+        positions, offset = positions[~absent], offset[~absent]
+    return without_initial_overlap(tools, positions, offset, thickness)
+
+
+def _contact_offsets(bodies: Sequence[Body]) -> np.ndarray:
+    """Return the distance of each node from the surface of its sheet (node_count,) [m]."""
+    return np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
+
+
+def _node_data(
+    bodies: Sequence[Body],
+    placed: Sequence[PlacedBody],
+    fibre_bending: FibreBending | None,
+    last_force: int,
+    free: np.ndarray | None,
+) -> NodeData:
+    """Return the constants of all nodes; ``free`` as :func:`build_supports` returns it."""
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
-    materials = [body.material for body in bodies]
-    gap = closed = math.inf
-    if absent is not None:
-        gap, closed = _closing_by_stages(tools, bodies, float(process.time), stages)
-    elif contact.penalty is None or len(bodies) > 1:  # else it decides nothing
-        gap = gap_left(tools, [body.mesh for body in bodies], float(process.time), stages)
-    pressure = _pressures_on_faces(face_pressures, bodies, order, float(process.time))
+    chunk_start = _chunk_start(placed)
+    force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
+    return NodeData(
+        force_slot=force_slot,
+        chunk_start=chunk_start,
+        chunk_order=_chunk_order(force_slot, placed, chunk_start),
+        mass=aligned(mass),
+        inverse_mass=aligned(1.0 / mass),
+        area=aligned(area),
+        impedance=aligned(np.sqrt(area * mass)),
+        free=free,
+        offset=aligned(_contact_offsets(bodies)),
+    )
+
+
+class _ContactStiffness(NamedTuple):
+    """Stiffness of contact with tools and of each ply where anything asks for it [Pa/m].
+
+    gap : that the tools leave for all sheets [m]; infinite where it decides nothing.
+    """
+
+    penalty: float
+    of_plies: list[float]
+    gap: float
+
+
+def _contact_stiffness(
+    contact: Any,
+    tools: ToolTable,
+    bodies: Sequence[Body],
+    pressure: FacePressure | RegionalPressure | None,
+    time: float,
+    stages: Sequence[StagePlan],
+    laid_down: bool,
+    interfaces: bool,
+) -> _ContactStiffness:
+    """Return the stiffness of contact: as given, or what follows from plies and pressures.
+
+    Parameters
+    ----------
+    pressure : on faces. time : of the process [s].
+    laid_down : whether sheets come later than the first stage. interfaces : whether sheets touch.
+    """
+    gap, closed = math.inf, 0.0
+    if laid_down:
+        gap, closed = _closing_by_stages(tools, bodies, time, stages)
+    elif contact.penalty is None or len(bodies) > 1:
+        gap = gap_left(tools, [body.mesh for body in bodies], time, stages)
     expected = 0.0
     if len(bodies) > 1:
-        bag = 0.0 if pressure is None else pressure.largest
-        expected = max(pressure_in_gap(gap, materials) if absent is None else closed, bag)
-    stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
-    penalties: list[float] = []  # [Pa/m] of each ply, where anything asks for them
+        if not laid_down:
+            closed = pressure_in_gap(gap, [body.material for body in bodies])
+        expected = max(closed, 0.0 if pressure is None else pressure.largest)
+    stiff_enough = expected / (DEEPEST_EXPECTED * min(b.material.thickness for b in bodies))
+    of_plies: list[float] = []
     if contact.penalty is None or interfaces:
-        penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
-    penalty = min(penalties) if contact.penalty is None else contact.penalty
-    depth_rate = 2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min())
-
-    def depths(time: float) -> tuple[float | None, float]:
-        return depth_control(contact, tools, gap, materials, time, depth_rate)
-
-    depth_time, depth_stiffening = depths(float(process.time))
-    contacts = interfaces_of_stages(
-        interfaces_by_stage or [interfaces],
-        bodies,
-        penalties,
-        there=[plan.plies for plan in stages] if absent is not None else (),
-    )
-    force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
-    model = Model(
-        bodies=tuple(bodies),
-        interfaces=tuple(interfaces),
-        placed=placed,
-        fibre_bending=fibre_bending,
-        pore=pressed_elements(bodies, order, key="pore pressure") if pore_pressure else None,
-        face_pressure=pressure,
-        ply_contact=contacts[0] if contacts else None,
-        corner_force_size=last_force + EMPTY_ROWS,
-        nodes=NodeData(
-            force_slot=force_slot,
-            chunk_start=chunk_start,
-            chunk_order=_chunk_order(force_slot, placed, chunk_start),
-            mass=aligned(mass),
-            inverse_mass=aligned(1.0 / mass),
-            area=aligned(area),
-            impedance=aligned(np.sqrt(area * mass)),
-            free=free,
-            offset=aligned(offset),
-        ),
-        grips=grips,
-        grippers=gripper_table(
-            [grip for grip in grips if grip.settings.pulls],
-            positions,
-            mass,
-            chunk_start,
-            float(process.time),
-        ),
-        tools=tools,
-        tool_names=tuple(tool_names),
-        supports=support_table,
-        support_names=tuple(support.name for support in supports),
-        environment=Environment(
-            penalty=float(penalty),
-            tangential_ratio=float(contact.tangential_ratio),
-            contact_damping_ratio=float(contact.damping_ratio),
-            depth_time=depth_time,
-            depth_stiffening=depth_stiffening,
-            mass_damping=float(process.mass_damping),
-            gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
-        ),
-        averaging=process.damping_average if process.mass_damping > 0.0 else None,
-        pace=pace_law(bodies, float(process.time), process.quasi_static) if finds_pace else None,
-        automatic_penalty=contact.penalty is None,
-        process_time=float(process.time),
-        frame_count=int(process.frames),
-        step_safety=float(process.step_safety),
-        history_interval=float(history_interval),
-    )
-    if not stages:
-        return model
-    return replace(
-        model,
-        stages=stage_tables(
-            model,
-            stages,
-            contacts,
-            grippers=grippers,
-            supports=supports,
-            pressures=face_pressures,
-            quasi_static=float(process.quasi_static),
-            depth_time=lambda time: depths(time)[0],
-        ),
-    )
+        of_plies = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
+    penalty = min(of_plies) if contact.penalty is None else contact.penalty
+    return _ContactStiffness(float(penalty), of_plies, gap)
 
 
 def _closing_by_stages(

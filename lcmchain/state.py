@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned, zeros
+from lcmchain.compilation.processor import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
 from lcmchain.errors import InputError
 from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SUM_COLUMNS

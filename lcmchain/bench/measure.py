@@ -1,4 +1,4 @@
-"""Measuring: medians over repetitions, in microseconds per element and step."""
+"""Measuring: what one core of this machine can do at most, and medians over repetitions."""
 
 from __future__ import annotations
 
@@ -12,8 +12,72 @@ import numpy as np
 
 from lcmchain.compilation.threads import use_threads
 from lcmchain.elements.family import internal_forces
-from lcmchain.jit import entry
+from lcmchain.jit import entry, equation
 from lcmchain.solver.simulation import Simulation
+
+PEAK_REPETITIONS = 5
+# Numbers that stay in the first cache, in independent chains of operations.
+CHAINS = 256
+FMAS = 16  # of a number between reading and writing it
+ROUNDS = 20_000
+# Numbers of each of three arrays, together far beyond the caches of one core.
+STREAM = 8_000_000
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Largest measured rates of one core.
+
+    arithmetic : of fused multiply-adds in double precision, two operations each [GFLOP/s].
+    bandwidth : of reading two arrays and writing a third one [GB/s].
+    """
+
+    arithmetic: float
+    bandwidth: float
+
+
+@equation
+def four_fmas(x, a, b):
+    return (((x * a + b) * a + b) * a + b) * a + b
+
+
+@entry
+def multiply_add(numbers, a, b, rounds):
+    """Apply x = a x + b so often to every number: FMAS times in every round."""
+    for _ in range(rounds):
+        for i in range(numbers.size):
+            x = four_fmas(four_fmas(numbers[i], a, b), a, b)
+            numbers[i] = four_fmas(four_fmas(x, a, b), a, b)
+
+
+@entry
+def add_scaled(total, first, second, factor):
+    """Write first + factor * second to ``total``."""
+    for i in range(total.size):
+        total[i] = first[i] + factor * second[i]
+
+
+def measure_machine() -> Machine:
+    """Measure one core; takes about a second."""
+    numbers = np.ones(CHAINS)
+    first, second, total = np.ones(STREAM), np.ones(STREAM), np.zeros(STREAM)
+    arithmetic = _shortest(lambda: multiply_add(numbers, 0.5, 0.25, ROUNDS))
+    stream = _shortest(lambda: add_scaled(total, first, second, 0.5))
+    return Machine(
+        arithmetic=2.0 * FMAS * CHAINS * ROUNDS / arithmetic * 1e-9,
+        bandwidth=3.0 * first.nbytes / stream * 1e-9,
+    )
+
+
+def _shortest(work: Callable[[], None]) -> float:
+    work()
+    times = []
+    for _ in range(PEAK_REPETITIONS):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
 
 REPETITIONS = 11
 KERNEL_CALLS = 200

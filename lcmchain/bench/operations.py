@@ -28,7 +28,7 @@ from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.errors import SimulationError
 from lcmchain.packs import PACK, pack
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_forces import PackOfNodes, press, rub
+from lcmchain.solver.interactions.contact_forces import PackOfNodes, press, rub
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT

@@ -17,10 +17,12 @@ from lcmchain.bench.operations import contact_operations, count_operations
 from lcmchain.compilation.references import Reference
 from lcmchain.effects.fibre_bending import fibre_bending_forces
 from lcmchain.jit import entry
-from lcmchain.solver.contact_forces import add_contact_forces, scratch_of_contact
-from lcmchain.solver.contact_search import find_near_packs
-from lcmchain.solver.force_slots import gather_internal_forces, runs_of_slots
-from lcmchain.solver.loop import integrate
+from lcmchain.solver.interactions.contact_forces import (
+    add_contact_forces,
+    find_near_packs,
+    scratch_of_contact,
+)
+from lcmchain.solver.loop import gather_internal_forces, integrate, runs_of_slots
 from lcmchain.solver.simulation import CALM_CHUNKS_PER_FREQUENCY, STEPS_PER_CHUNK, Simulation
 
 #: As many as go by while the frequency is looked at once.

@@ -13,8 +13,7 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.bench import hemisphere, laws, sizes, stacks
 from lcmchain.bench.laws import LawSpeed, measure_laws
-from lcmchain.bench.machine import Machine, measure_machine
-from lcmchain.bench.measure import REPETITIONS, Measurement
+from lcmchain.bench.measure import REPETITIONS, Machine, Measurement, measure_machine
 from lcmchain.bench.operations import count_operations
 from lcmchain.bench.parts import Parts, measure_parts
 from lcmchain.bench.sizes import Plate

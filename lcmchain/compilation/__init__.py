@@ -3,9 +3,9 @@
 :mod:`lcmchain.jit` calls these once, in this order, and gives compiled functions their options::
 
     threads          which library runs the threads of parallel loops, and when they start
-    vector_width     vectors of 512 bits on processors that lose nothing by them
+    processor        vectors of 512 bits where nothing is lost by them; stacks and arrays that begin
+                     with a line of the cache
     self_contained   a function gives the same bits from the disk as compiled here
-    cache_lines      stacks and arrays begin with a line of the cache
     compiled_parts   functions of compiled code alone are not made callable from Python
     references       tuples of many arrays are handed on by their address
     standalone       heavy functions are compiled once, and linked to whatever calls them

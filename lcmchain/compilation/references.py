@@ -34,7 +34,7 @@ from numba.extending import (
 )
 from numba.np.numpy_support import as_dtype
 
-from lcmchain.compilation.cache_lines import zeros
+from lcmchain.compilation.processor import zeros
 
 #: What compiled code keeps of an array, in its order.
 ARRAY = ("meminfo", "parent", "nitems", "itemsize", "data", "shape", "strides")

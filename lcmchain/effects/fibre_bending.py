@@ -36,8 +36,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
-from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
-from lcmchain.elements.lane_runs import find_runs, vector_of_lanes
+from lcmchain.elements.blocks import LANES, find_runs, in_blocks, in_shared_blocks, vector_of_lanes
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import entry, equation, kernel, span_routine
 from lcmchain.mesh.lines import fibre_lines
@@ -74,7 +73,7 @@ class FibreBendingData(NamedTuple):
         has them (``SharedBlocks``).
     indices : nodes of the model below and above; then of the neighbours before and after along
         fibre 1, then 2, where their middles begin, and where what they send to the node does.
-    runs : of the indices of each row (``elements/lane_runs.py``).
+    runs : of the indices of each row (``elements/blocks.py``).
     place : (block_count,) where the middles, vectors and forces of a block lie, in blocks.
     first_force : where the forces of all sheets begin in the corner forces.
     """

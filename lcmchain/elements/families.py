@@ -1,23 +1,40 @@
-"""The families of elements that a scene can choose, by its ``element.type``."""
+"""The families of elements that a scene can choose, by its ``element.type``.
+
+Below them in the ladder of models stands the pin-jointed net of draping, which is laid without
+forces.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from lcmchain.elements.family import Body
-from lcmchain.elements.kinematic import KinematicElement
 from lcmchain.elements.membrane_shell.body import MembraneShellBody
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.body import SolidShellBody
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
+from lcmchain.quantities.scene_model import SceneModel
+
+
+class KinematicElement(SceneModel):
+    """Kinematic draping: a net of inextensible fibres, laid as ``[draping]`` says."""
+
+    has_thickness: ClassVar[bool] = True
+    has_forces: ClassVar[bool] = False
+    remarks: ClassVar[tuple[str, ...]] = (
+        'element = "kinematic" lays a net of inextensible fibres: it predicts no forces, no '
+        "wrinkles, no slip and no draw-in by equilibrium, knows neither friction nor holder nor "
+        "the stiffness of the fabric, and takes the thickness from constant volume",
+    )
+
+    type: Literal["kinematic"] = "kinematic"
+
 
 FAMILIES: dict[str, type[Body]] = {
-    # both are frozen: mypy misses the right to set what a Body has
-    family.type: family  # type: ignore[misc]
-    for family in (SolidShellBody, MembraneShellBody)
+    family.type: family for family in (SolidShellBody, MembraneShellBody)
 }
 
 #: The entry ``element``.

@@ -9,7 +9,7 @@ NamedTuple of constants for its kernels, which register their forces with :func:
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -107,25 +107,62 @@ class Body(Protocol):
     without_potential : scene entries, as they are set, whose forces have no potential.
     """
 
-    name: str
-    type: str
-    mesh: Any
-    material: Material
-    data: Any
-    geometry: Any
-    force_nodes: np.ndarray
-    node_mass: np.ndarray
-    node_area: np.ndarray
-    inertial_mass: np.ndarray
-    least_mass_factor: float
-    part_omega2: np.ndarray
-    contact_offset: float
-    shortest_length: float
-    first_node: int
-    first_element: int
-    volume: float
-    hourglass_tells: bool
-    without_potential: tuple[str, ...]
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def type(self) -> str: ...
+
+    @property
+    def mesh(self) -> Any: ...
+
+    @property
+    def material(self) -> Material: ...
+
+    @property
+    def data(self) -> Any: ...
+
+    @property
+    def geometry(self) -> Any: ...
+
+    @property
+    def force_nodes(self) -> np.ndarray: ...
+
+    @property
+    def node_mass(self) -> np.ndarray: ...
+
+    @property
+    def node_area(self) -> np.ndarray: ...
+
+    @property
+    def inertial_mass(self) -> np.ndarray: ...
+
+    @property
+    def least_mass_factor(self) -> float: ...
+
+    @property
+    def part_omega2(self) -> np.ndarray: ...
+
+    @property
+    def contact_offset(self) -> float: ...
+
+    @property
+    def shortest_length(self) -> float: ...
+
+    @property
+    def first_node(self) -> int: ...
+
+    @property
+    def first_element(self) -> int: ...
+
+    @property
+    def volume(self) -> float: ...
+
+    @property
+    def hourglass_tells(self) -> bool: ...
+
+    @property
+    def without_potential(self) -> tuple[str, ...]: ...
 
     @property
     def history_count(self) -> int: ...
@@ -147,10 +184,10 @@ class Body(Protocol):
         choices: Any,
         first_node: int,
         first_element: int,
-    ) -> Body:
+    ) -> Self:
         """Build the body of a mesh; ``choices`` is the scene's element table."""
 
-    def with_mass_factor(self, factor: np.ndarray) -> Body:
+    def with_mass_factor(self, factor: np.ndarray) -> Self:
         """Return the body with the inertia of its parts over their mass, as ``part_omega2``."""
 
     def stored_energy(self, positions: np.ndarray, history: np.ndarray) -> tuple[float, float]:
@@ -227,3 +264,24 @@ class Body(Protocol):
         tools_near: Callable[[np.ndarray], list[str]],
     ) -> Unsound | None:
         """Return the worst element if it cannot go on; ``tools_near`` names tools near nodes."""
+
+
+# Part of the governing ω² from which on the shear wave is followed in every chunk of steps: within
+# a chunk the tangent of a law that locks may grow several times.
+SHEAR_SHARE = 0.1
+
+
+def shear_may_stiffen(body: Body, condition: Condition, omega2: float) -> bool:
+    """Tell whether the shear wave of a law that locks has come near ``omega2`` [1/s²].
+
+    The area of a sheet with inextensible fibres shrinks by cos γ; its shear strain is sin γ.
+    """
+    if not body.material.locks:
+        return False
+    strain = np.zeros(6)
+    strain[3] = np.sqrt(max(1.0 - float(condition.area_stretch.min()) ** 2, 0.0))
+    tangent = body.material.stress_and_tangent(strain)[1][3, 3]
+    # a shear wave bends both pairs of sides: twice the 4 c²/l² of a wave along one
+    density = body.material.density * body.least_mass_factor
+    present = 8.0 * tangent / (density * body.shortest_length**2)
+    return bool(present > SHEAR_SHARE * omega2)

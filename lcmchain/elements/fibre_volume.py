@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.elements.family import Condition, Unsound
+from lcmchain.elements.family import Body, Condition, Unsound
 from lcmchain.materials.law import Material
 from lcmchain.mesh.sheet_mesh import shear_angles
 
@@ -31,7 +31,7 @@ def initial_fibre_volume_fraction(material: Material, thickness: Any) -> Any:
 
 
 def overfilled(
-    body: Any,
+    body: Body,
     positions: np.ndarray,
     condition: Condition,
     cause_of_thinning: Callable[[int], str],

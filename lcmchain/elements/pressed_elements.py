@@ -9,11 +9,12 @@ into kinetic and strain energy, to round-off.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
 
@@ -47,7 +48,7 @@ class PressedElements(NamedTuple):
         lanes[self.place] = values
         return lanes
 
-    def with_outer_faces_of(self, bodies: Sequence[Any]) -> PressedElements:
+    def with_outer_faces_of(self, bodies: Sequence[Body]) -> PressedElements:
         """Return the elements where these bodies alone lie on each other, the first one lowest."""
         bottom, top = np.zeros(self.padded_count), np.zeros(self.padded_count)
         for side, body in ((bottom, bodies[0]), (top, bodies[-1])):
@@ -56,7 +57,7 @@ class PressedElements(NamedTuple):
         return self._replace(bottom=bottom, top=top)
 
 
-def pressed_elements(bodies: Sequence[Any], order: Sequence[int], *, key: str) -> PressedElements:
+def pressed_elements(bodies: Sequence[Body], order: Sequence[int], *, key: str) -> PressedElements:
     """Return the elements of bodies with a thickness.
 
     Parameters

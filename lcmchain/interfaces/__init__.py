@@ -7,8 +7,8 @@
       now and then   refresh ─────┤ search: which facet a point faces; springs: where it lies on it
                         │         │ rims: the share of its area over the other ply
                         ▼         ▼
-      every step     forces ◀── rows: what a point has ◀── laws (law, slip, curves)
+      every step     forces ◀── rows: what a point has ◀── laws (law, slip)
 
-``limits`` is what contact asks of the step, ``change`` what happens where a stage brings another
+``change`` is what happens where a stage brings another
 interface, ``in_frames`` what a saved frame holds.
 """

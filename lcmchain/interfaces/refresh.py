@@ -306,23 +306,8 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     presses = False
     before = touch_of(rows, at, none, none, dt_last)
     if held >= 0:
-        r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
-        before = touch_of(rows, at, r, none, dt_last)
-        if rests(data, arrays, point):  # the renewed spring may have it within its reach
-            v = way_to_facet(arrays.velocity, data.facet_node, held, rows, at, point)
-            put_vector(rows, WAY, at, r)
-            put_vector(rows, MOVED, at, scaled(dt_last, v))
-            leave_rest(laws, rows, at, dt_last)
-        if within_reach(rows, at, before.gap):
-            sums[BOOKED] -= energy_before(
-                laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last,
-                point,
-            )  # fmt: skip
+        before = close_spring(data, laws, arrays, rows, at, point, held, dt_last, sums)
         presses = before.gap < rows[at + HELD * SPAN]
-        if touches(data, rows, at, before.gap, point, held):
-            slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
-            put_vector(rows, SLIP, at, slip)
-            rows[at + PATH * SPAN] = path
 
     facet, most, spring = find_facet(data, arrays, everywhere, presses, grid, point)
     w, normal, offset, gap = spring
@@ -378,7 +363,49 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     if not presses or fresh:
         rows[at + LAST_DAMPING * SPAN] = 0.0
 
-    # how long the spring may stay: until the point has slid far enough, while it presses
+    look_at_motion(data, arrays, rows, at, point, facet, depth + offset_held, dt_last, dt, sums)
+
+    after = touch_of(rows, at, r, none, dt_last)
+    carry_over(laws, all_parameters(laws, interface), rows, at, before, after, fresh)
+    if within_reach(rows, at, after.gap):
+        sums[BOOKED] += energy_before(
+            laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
+        )
+
+
+@inlined_routine
+def close_spring(data, laws, arrays, rows, at, point, held, dt_last, sums):
+    """Book out what the spring of a point stores, and how far the point has slid on it.
+
+    Return the point as the laws see it on that spring, at the present positions.
+    """
+    r = way_to_facet(arrays.position, data.facet_node, held, rows, at, point)
+    before = touch_of(rows, at, r, (0.0, 0.0, 0.0), dt_last)
+    if rests(data, arrays, point):  # the renewed spring may have it within its reach
+        v = way_to_facet(arrays.velocity, data.facet_node, held, rows, at, point)
+        put_vector(rows, WAY, at, r)
+        put_vector(rows, MOVED, at, scaled(dt_last, v))
+        leave_rest(laws, rows, at, dt_last)
+    if within_reach(rows, at, before.gap):
+        sums[BOOKED] -= energy_before(
+            laws, arrays.position, arrays.velocity, data.facet_node, held, rows, at, dt_last, point
+        )
+    if touches(data, rows, at, before.gap, point, held):
+        slip, path = slip_of(arrays.position, data, arrays.ply_slope, held, rows, at, point)
+        put_vector(rows, SLIP, at, slip)
+        rows[at + PATH * SPAN] = path
+    return before
+
+
+@inlined_routine
+def look_at_motion(data, arrays, rows, at, point, facet, depth, dt_last, dt, sums):
+    """Find how many steps a spring may stay as it is, and how fast the point comes near a ply.
+
+    depth : of the point, with what is held [m].
+    """
+    ply, other = data.ply[point], data.facet_ply[facet]
+    normal = vector_at(rows, NORMAL, at)
+    # until the point has slid far enough, while it presses
     relative = way_to_facet(arrays.velocity, data.facet_node, facet, rows, at, point)
     speed = tangential(relative, normal)
     allowed = data.slide * data.facet_edge[facet] / max(math.sqrt(dot(speed, speed)), 1e-30)
@@ -387,18 +414,11 @@ def renew_point(data, laws, arrays, everywhere, grid, dt_last, dt, point, sums):
     if data.inner[point, 0] >= 0:
         # a rim that slides comes over points of the other ply, which may be at rest
         sums[FASTEST] = max(sums[FASTEST], approach_along(data, point, speed))
-    apart = -(depth + offset_held)
+    apart = -depth
     rows[at + LAST_GAP * SPAN] = apart + dt_last * closing
     if apart > data.near[ply, other]:
         allowed = max(allowed, (apart - data.near[ply, other]) / max(closing, 1e-30))
     sums[STEPS_ALLOWED] = min(sums[STEPS_ALLOWED], allowed / dt)
-
-    after = touch_of(rows, at, r, none, dt_last)
-    carry_over(laws, all_parameters(laws, interface), rows, at, before, after, fresh)
-    if within_reach(rows, at, after.gap):
-        sums[BOOKED] += energy_before(
-            laws, arrays.position, arrays.velocity, data.facet_node, facet, rows, at, dt_last, point
-        )
 
 
 @equation

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
@@ -147,7 +148,7 @@ class PlyContact(NamedTuple):
 
 def build_interfaces(
     interfaces: Sequence[Interface],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     automatic_penalties: Sequence[float],
 ) -> PlyContact | None:
     """Return the contact between plies; None where none touch.
@@ -168,7 +169,7 @@ def build_interfaces(
 
 def interfaces_of_stages(
     stages: Sequence[Sequence[Interface]],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     automatic_penalties: Sequence[float],
     there: Sequence[Sequence[bool]] = (),
 ) -> list[PlyContact]:
@@ -183,16 +184,9 @@ def interfaces_of_stages(
     of_stages, entries = _interfaces(stages, [body.name for body in bodies])
     for number, plies in enumerate(there):
         of_stages[number][~np.outer(plies, plies)] = NONE
-    interface = of_stages[0]
     if not entries:
         return []
-    for body in bodies:
-        if not body.mesh.has_thickness or body.contact_offset != 0.0:
-            raise InputError(
-                f'of the ply {body.name} is "{body.type}": elements without two faces, on which no '
-                'other ply could lie; use element = "solid-shell"',
-                key="element",
-            )
+    _require_two_faces(bodies)
     penalties = np.array(
         [
             min(automatic_penalties[a], automatic_penalties[b])
@@ -203,80 +197,91 @@ def interfaces_of_stages(
     )
     tables = [it.all_laws() for it, _, _ in entries]
     laws = _gathered(tables)
+    thickness = np.array([body.mesh.thickness for body in bodies])
+    depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
+    reaches = np.array([max((law.reach() for law in own), default=0.0) for own in tables])
+    slopes = np.array([max((law.stiffness() for law in own), default=0.0) for own in tables])
+    viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
+    stiffer = np.maximum(slopes / penalties, 1.0)
+    damping_time = 2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies))
+    faces = _faces_of_bodies(bodies)
+    found = []
+    for pairs in of_stages:
+        near, far = _reaches_of_pairs(pairs, reaches, depth)
+        data = InterfaceData(
+            **faces,
+            row_size=row_count(laws) * SPAN,
+            interface=pairs,
+            interface_count=len(entries),
+            penalty=penalties.astype(float),
+            stiffer=stiffer,
+            depth=depth,
+            near=near,
+            far=far,
+            reach=float(far.max()),
+            nearest=_nearest(pairs, far),
+            thinnest=0.5 * float(thickness.min()),
+            omega2=omega2_of_equal_plies(penalties * stiffer, bodies),
+            damping_time=damping_time,
+            sliding_rate=2.0 * viscosity * largest_area_by_mass(bodies),
+            slide=SLIDE,
+            slope_steps=STEPS_PER_SLOPES,
+            slope_part=SLOPE_PART,
+            depth_steps=STEPS_PER_DEPTH,
+            depth_time=_depth_times(damping_time * penalties, pairs, bodies),
+            depth_left=DEPTH_LEFT,
+            stiffening=min(stiffening_of(body.material) for body in bodies),
+        )
+        found.append(PlyContact(data, laws))
+    position = np.concatenate([body.mesh.node_positions for body in bodies])
+    _require_apart(found[0].data, position, [body.name for body in bodies])
+    return found
+
+
+def _require_two_faces(bodies: Sequence[Body]) -> None:
+    """Refuse plies without faces on which another one could lie."""
+    for body in bodies:
+        if not body.mesh.has_thickness or body.contact_offset != 0.0:
+            raise InputError(
+                f'of the ply {body.name} is "{body.type}": elements without two faces, on which no '
+                'other ply could lie; use element = "solid-shell"',
+                key="element",
+            )
+
+
+def _faces_of_bodies(bodies: Sequence[Body]) -> dict[str, Any]:
+    """Return the entries of :class:`InterfaceData` that the undeformed faces of the plies give."""
     faces = [_faces_of(body) for body in bodies]
     facet_node = np.concatenate([face for pair in faces for face in pair])
     counts = np.array([body.mesh.element_count for body in bodies])
     surface = np.repeat(np.arange(2 * len(bodies)), np.repeat(counts, 2))
-    facet_ply = surface // 2
     position = np.concatenate([body.mesh.node_positions for body in bodies])
     edges = _edge_lengths(position[facet_node])
     first_facet = 2 * (np.cumsum(counts) - counts)
     neighbour = np.concatenate([_neighbours(*own) for own in zip(bodies, first_facet, strict=True)])
     node_count = len(position)
     ring, ring_corner = _rings(facet_node, node_count)
-    shortest = np.where(edges > 0.0, edges, np.inf).min(axis=1)
-    spacing = edges.max(axis=1)[ring[:, 0]]
     rim_start, rim = _rims(position, facet_node, neighbour, surface, edges.max())
-    thickness = np.array([body.mesh.thickness for body in bodies])
-    depth = 0.5 * np.minimum(thickness, thickness[:, np.newaxis])
-    reaches = np.array([max((law.reach() for law in own), default=0.0) for own in tables])
-    near, far = _reaches_of_pairs(interface, reaches, depth)
-    slopes = np.array([max((law.stiffness() for law in own), default=0.0) for own in tables])
-    viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
-    stiffer = np.maximum(slopes / penalties, 1.0)
-    omega2 = omega2_of_equal_plies(penalties * stiffer, bodies)
-    damping_time = 2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies))
-    data = InterfaceData(
-        place=aligned(np.ascontiguousarray(position.T)),
-        ply=np.repeat(np.arange(len(bodies)), [b.mesh.node_count for b in bodies]).astype(np.int32),
-        partner=np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
-        spacing=aligned(spacing),
-        ring=ring,
-        ring_corner=ring_corner,
-        ring_part=_parts_of_area(position[facet_node], ring),
-        facet_node=facet_node.astype(np.int32),
-        facet_ply=facet_ply.astype(np.int32),
-        facet_edge=aligned(shortest),
-        neighbour=neighbour,
-        rim_start=rim_start,
-        rim=rim,
-        lane=_lanes([body.mesh.node_count for body in bodies]),
-        row_size=row_count(laws) * SPAN,
-        interface=interface,
-        interface_count=len(entries),
-        penalty=penalties.astype(float),
-        stiffer=stiffer,
-        depth=depth,
-        near=near,
-        far=far,
-        area=aligned(np.concatenate([body.node_area for body in bodies])),
-        reach=float(far.max()),
-        nearest=_nearest(interface, far),
-        thinnest=0.5 * float(thickness.min()),
-        widest=float(edges.max()),
-        inner=_inner_nodes(facet_node, neighbour, node_count),
-        omega2=omega2,
-        damping_time=damping_time,
-        sliding_rate=2.0 * viscosity * largest_area_by_mass(bodies),
-        slide=SLIDE,
-        slope_steps=STEPS_PER_SLOPES,
-        slope_part=SLOPE_PART,
-        depth_steps=STEPS_PER_DEPTH,
-        depth_time=_depth_times(damping_time * penalties, interface, bodies),
-        depth_left=DEPTH_LEFT,
-        stiffening=min(stiffening_of(body.material) for body in bodies),
-    )
-    found = []
-    for pairs in of_stages:
-        near, far = _reaches_of_pairs(pairs, reaches, depth)
-        own = data._replace(
-            interface=pairs, near=near, far=far, reach=float(far.max()),
-            nearest=_nearest(pairs, far),
-            depth_time=_depth_times(damping_time * penalties, pairs, bodies),
-        )  # fmt: skip
-        found.append(PlyContact(own, laws))
-    _require_apart(found[0].data, position, [body.name for body in bodies])
-    return found
+    node_counts = [body.mesh.node_count for body in bodies]
+    return {
+        "place": aligned(np.ascontiguousarray(position.T)),
+        "ply": np.repeat(np.arange(len(bodies)), node_counts).astype(np.int32),
+        "partner": np.concatenate([_partners(body) for body in bodies]).astype(np.int32),
+        "spacing": aligned(edges.max(axis=1)[ring[:, 0]]),
+        "ring": ring,
+        "ring_corner": ring_corner,
+        "ring_part": _parts_of_area(position[facet_node], ring),
+        "facet_node": facet_node.astype(np.int32),
+        "facet_ply": (surface // 2).astype(np.int32),
+        "facet_edge": aligned(np.where(edges > 0.0, edges, np.inf).min(axis=1)),
+        "neighbour": neighbour,
+        "rim_start": rim_start,
+        "rim": rim,
+        "lane": _lanes(node_counts),
+        "area": aligned(np.concatenate([body.node_area for body in bodies])),
+        "widest": float(edges.max()),
+        "inner": _inner_nodes(facet_node, neighbour, node_count),
+    }
 
 
 def _reaches_of_pairs(
@@ -372,12 +377,12 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
                 )
 
 
-def largest_area_by_mass(bodies: Sequence[Any]) -> float:
+def largest_area_by_mass(bodies: Sequence[Body]) -> float:
     """Return the largest area over mass of a node [m²/kg]."""
     return max(float(np.max(body.node_area / body.inertial_mass)) for body in bodies)
 
 
-def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[Any]) -> np.ndarray:
+def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[Body]) -> np.ndarray:
     """Return the time in which depths between two plies may go to zero (ply_count, ply_count) [s].
 
     damping : of each interface [Pa s/m].
@@ -387,7 +392,7 @@ def _depth_times(damping: np.ndarray, interface: np.ndarray, bodies: Sequence[An
     return LEAST_DAMPED_TIMES * np.maximum(heaviest, heaviest[:, np.newaxis]) / of_pair
 
 
-def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Any]) -> float:
+def omega2_of_equal_plies(penalties: np.ndarray, bodies: Sequence[Body]) -> float:
     """Return ω² [1/s²] of plies of equal meshes in full contact, on the stiffest interface."""
     return 2.0 * float(penalties.max()) * largest_area_by_mass(bodies)
 
@@ -438,7 +443,7 @@ def _of_pairs(
     return law
 
 
-def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:
+def _faces_of(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """Return the facets of the lower and the upper face in nodes of the model."""
     lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
     turned = lower[:, [1, 0, 3, 2]]
@@ -447,7 +452,7 @@ def _faces_of(body: Any) -> tuple[np.ndarray, np.ndarray]:
     return turned + body.first_node, upper + body.first_node
 
 
-def _partners(body: Any) -> np.ndarray:
+def _partners(body: Body) -> np.ndarray:
     """Return the node on the other face of each node, in nodes of the model."""
     partner = np.empty(body.mesh.node_count, dtype=np.int64)
     lower, upper = body.mesh.elements[:, :4], body.mesh.elements[:, 4:]
@@ -459,7 +464,7 @@ def _edge_lengths(corner: np.ndarray) -> np.ndarray:
     return np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
 
 
-def _neighbours(body: Any, first_facet: int) -> np.ndarray:
+def _neighbours(body: Body, first_facet: int) -> np.ndarray:
     """Return the facet across each edge of a ply's facets, lower ones first; -1 at a rim.
 
     first_facet : number of the ply's first one. A triangle has none across the edge of no length.

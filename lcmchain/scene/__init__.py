@@ -16,7 +16,7 @@ Tables of tools, materials, elements, effects and interfaces stand beside what t
 """
 
 from lcmchain.effects.contact import Contact
-from lcmchain.elements.kinematic import KinematicElement
+from lcmchain.elements.families import KinematicElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.materials.fabric import FabricMaterial

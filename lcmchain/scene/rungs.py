@@ -9,7 +9,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from lcmchain.effects.switches import settings_of
-from lcmchain.elements.kinematic import KinematicElement
+from lcmchain.elements.families import KinematicElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError

@@ -4,15 +4,14 @@
 
     Model, State ─▶ simulation ─▶ loop: one step after the other, compiled
                         │           schedule: elements, fibres and nodes in the order of the step
-                        │           force_slots: sums of corner forces at the nodes
-                        │           contact_forces, ply_contact, pressure_loads, gripper_forces,
-                        │           held_nodes, tool_motion: one interaction each
-                        ├▶ between chunks of steps: contact_search, bounds of the step,
-                        │   guards (with runaway, recovery and remedies: why, and what to do)
-                        ├▶ histories, frame_file: what is kept over time
+                        │           interactions: tools, plies, pressures, grippers, supports
+                        ├▶ between chunks of steps: bounds of the step, search of contact,
+                        │   guards (with remedies: why, and what to do), and recovery: one try
+                        │   with half the step
+                        ├▶ histories: what is kept over time
                         └▶ checkpoint: all that a run needs to go on bit for bit
 
-A process in stages goes on from one to the next by ``stages``: plies that are laid down
-(``laid_plies``), a stage that ends at rest (``rest``), and a run that begins where a stage of
-another one ended (``stage_start``).
+A process in stages goes on from one to the next by ``stages``, with plies that are laid down. A
+stage may end at rest (``rest``), and a run may begin where a stage of another one ended
+(``stage_start``).
 """

@@ -1,9 +1,13 @@
 """Checkpoints: everything that a run needs to go on as if it had never stopped.
 
-The state is written anew each time, the frames once each (:mod:`lcmchain.solver.frame_file`): a
-checkpoint takes the same time however many frames a run has saved. The first line of the file
-names its format and the SHA-256 of the rest, which in turn holds that of the frames: a checkpoint
-that differs in one bit from what was written is refused before anything of it is read.
+There are two files. The state is written anew each time. Saved frames are written once each, one
+behind the other, so that a checkpoint takes the same time however many frames a run has saved. The
+checkpoint says how many bytes of the frames are valid; what a killed run has left behind them is
+cut off before the next frame.
+
+The first line of the checkpoint names its format and the SHA-256 of the rest, which in turn holds
+that of the frames: a checkpoint that differs in one bit from what was written is refused before
+anything of it is read.
 """
 
 from __future__ import annotations
@@ -12,23 +16,94 @@ import hashlib
 import io
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lcmchain.atomic import replacing
-from lcmchain.errors import InputError
+from lcmchain.atomic import announce, replacing
+from lcmchain.errors import InputError, OutputError
 from lcmchain.fingerprint import Fingerprint
-from lcmchain.solver.frame_file import FILE_NAME as FRAME_FILE_NAME
-from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
-FILE_NAME = "checkpoint.npz"
+FILE_NAME, FRAME_FILE_NAME = "checkpoint.npz", "checkpoint_frames.npy"
 FORMAT = 10
 _FIRST_WORDS = b"lcmchain checkpoint"
+
+
+class FrameFile:
+    """Appends frames to a file; ``count`` frames in ``length`` bytes are there so far."""
+
+    def __init__(self, folder: Path, count: int = 0, length: int = 0) -> None:
+        self.path = Path(folder) / FRAME_FILE_NAME
+        self.count, self.length = count, length
+        self._digest = hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the valid bytes."""
+        return self._digest.hexdigest()
+
+    def append(self, frames: Sequence[dict[str, np.ndarray]]) -> None:
+        """Write the arrays of further frames behind the valid part, in the order of their names.
+
+        Raises
+        ------
+        OutputError : writing failed; the valid part is as before.
+        """
+        if not frames:
+            return
+        content = io.BytesIO()
+        for frame in frames:
+            for name in sorted(frame):
+                np.save(content, frame[name], allow_pickle=False)
+        announce(self.path)
+        try:
+            with open(self.path, "r+b" if self.length else "wb") as file:
+                file.truncate(self.length)
+                file.seek(self.length)
+                file.write(content.getbuffer())
+                file.flush()
+                os.fsync(file.fileno())  # the checkpoint that counts these bytes comes after them
+        except OSError as error:
+            raise OutputError(error.strerror or str(error), file=self.path) from error
+        self._digest.update(content.getbuffer())
+        self.length += content.getbuffer().nbytes
+        self.count += len(frames)
+
+    def read(self, names: Sequence[str], sha256: str) -> list[dict[str, np.ndarray]]:
+        """Read all frames, each with arrays of these names.
+
+        Raises
+        ------
+        InputError : the file is absent, or not as it was written.
+        """
+        if self.count == 0:
+            return []
+        try:
+            with open(self.path, "rb") as file:
+                content = file.read(self.length)
+        except OSError as error:
+            raise InputError(
+                f"the frames of the checkpoint cannot be read ({error.strerror}); run without "
+                "--resume",
+                file=self.path,
+            ) from None
+        self._digest = hashlib.sha256(content)
+        if self.sha256 != sha256:
+            raise InputError(
+                "the frames of the checkpoint are damaged (their checksum does not fit); run "
+                "without --resume",
+                file=self.path,
+            )
+        arrays = io.BytesIO(content)
+        return [
+            {name: np.load(arrays, allow_pickle=False) for name in sorted(names)}
+            for _ in range(self.count)
+        ]
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,14 @@ from lcmchain.model import Model
 from lcmchain.quantities.places import millimetres
 from lcmchain.solver.remedies import (
     bending_tool,
+    cause_of_runaway,
     element_size,
+    energies_in_words,
     finer_elements,
     slower_loads,
     slower_process,
     stiffer_contact,
 )
-from lcmchain.solver.runaway import cause_of_runaway, energies_in_words
 from lcmchain.state import (
     EXTERNAL,
     KINETIC,

@@ -24,8 +24,7 @@ from lcmchain.solver.guards import (
     energy_floor,
     when,
 )
-from lcmchain.solver.remedies import finer_elements, slower_process, stiffer_contact
-from lcmchain.solver.runaway import JUMP
+from lcmchain.solver.remedies import JUMP, finer_elements, slower_process, stiffer_contact
 from lcmchain.state import HALVINGS, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 

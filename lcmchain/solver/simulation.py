@@ -20,19 +20,8 @@ from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
-from lcmchain.solver import (
-    contact_forces,
-    gripper_forces,
-    guards,
-    held_nodes,
-    histories,
-    ply_contact,
-    pressure_loads,
-    rest,
-    stages,
-    tool_motion,
-)
-from lcmchain.solver.contact_search import find_near_nodes
+from lcmchain.solver import guards, histories, rest, stages
+from lcmchain.solver.interactions.contact_forces import find_near_nodes
 from lcmchain.solver.loop import Arrays, LoopArguments, advance, in_order
 from lcmchain.solver.recovery import diagnosis, halving_warnings
 from lcmchain.state import (
@@ -62,11 +51,6 @@ from lcmchain.state import (
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
 from lcmchain.tools.turn import lever, turning
-
-#: Files that register what interactions do in a step; without them they would do nothing.
-ACTING = (
-    contact_forces, gripper_forces, held_nodes, ply_contact, pressure_loads, tool_motion,
-)  # fmt: skip
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.

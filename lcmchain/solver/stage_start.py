@@ -20,8 +20,7 @@ from lcmchain.errors import InputError
 from lcmchain.fingerprint import Fingerprint, forming_values
 from lcmchain.model import Model
 from lcmchain.scene.stages import LISTS
-from lcmchain.solver.checkpoint import Checkpoint
-from lcmchain.solver.frame_file import FrameFile
+from lcmchain.solver.checkpoint import Checkpoint, FrameFile
 from lcmchain.state import SAMPLES, State
 
 #: Option that names the folder of the other run.

@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lcmchain.elements.blocks import LANES
-from lcmchain.elements.lane_runs import SCATTERED, find_runs, load_vectors
+from lcmchain.elements.blocks import LANES, SCATTERED, find_runs, load_vectors
 from lcmchain.jit import routine
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

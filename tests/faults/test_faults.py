@@ -28,7 +28,7 @@ from lcmchain.pipeline import run
 from lcmchain.results import ResultsFolder
 from lcmchain.results.folder import HIDDEN, JOURNAL
 from lcmchain.scene import read_scene
-from lcmchain.solver import frame_file
+from lcmchain.solver import checkpoint
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 from lcmchain.solver.simulation import Simulation
 
@@ -349,7 +349,7 @@ def disk_full_at(name):
             resource.setrlimit(resource.RLIMIT_FSIZE, (40, before[1]))
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (atomic, frame_file):
+        for module in (atomic, checkpoint):
             patch.setattr(module, "announce", fill)
         try:
             yield

@@ -15,9 +15,13 @@ from lcmchain.fingerprint import Fingerprint
 from lcmchain.model import build_model
 from lcmchain.scene import Scene
 from lcmchain.solver import checkpoint as checkpoints
-from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from lcmchain.solver.frame_file import FILE_NAME as FRAME_FILE_NAME
-from lcmchain.solver.frame_file import FrameFile
+from lcmchain.solver.checkpoint import (
+    FRAME_FILE_NAME,
+    Checkpoint,
+    FrameFile,
+    read_checkpoint,
+    write_checkpoint,
+)
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 

@@ -36,7 +36,8 @@ def test_kernels_are_made_anew_that_call_a_file_by_dispatch_alone(tmp_path):
     """The loop imports the contact between plies by no way but its answers."""
     copy = RUN["Copy"](tmp_path)
     package = tmp_path / "lcmchain"
-    for file in ("interfaces/refresh.py", "interfaces/rims.py", "solver/ply_contact.py"):
+    between_plies = "solver/interactions/ply_contact.py"
+    for file in ("interfaces/refresh.py", "interfaces/rims.py", between_plies):
         assert RUN["COMPILED"].search((package / file).read_text(encoding="utf-8"))
         assert package / "solver/loop.py" in copy.importers_of(package / file)
     assert package / "solver/loop.py" not in copy.importers_of(package / "report/captions.py")

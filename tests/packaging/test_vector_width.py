@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from lcmchain.compilation import vector_width
+from lcmchain.compilation import processor
 
 ICE_LAKE = {"avx512f": True, "avx512vbmi2": True, "sse4a": False}
 SKYLAKE = {"avx512f": True, "avx512vbmi2": False}
@@ -33,13 +33,13 @@ def features_of_new_process(**changes):
 
 
 def test_only_processors_that_keep_their_clock_get_whole_registers():
-    assert vector_width.widest(ICE_LAKE) == "+avx512f,+avx512vbmi2,-sse4a,-prefer-256-bit"
-    assert vector_width.widest(SKYLAKE) is None
-    assert vector_width.widest({}) is None
+    assert processor.widest(ICE_LAKE) == "+avx512f,+avx512vbmi2,-sse4a,-prefer-256-bit"
+    assert processor.widest(SKYLAKE) is None
+    assert processor.widest({}) is None
 
 
 @pytest.mark.skipif(
-    vector_width.widest(vector_width.host_features()) is None,
+    processor.widest(processor.host_features()) is None,
     reason="the processor has no 512-bit vectors that keep its clock",
 )
 def test_the_width_is_in_the_key_of_compiled_functions_and_the_users_choice_stands():

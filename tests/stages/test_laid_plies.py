@@ -26,8 +26,8 @@ from lcmchain.interfaces.forces import REFRESHES_LEFT
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.stages import stack_at
-from lcmchain.solver.laid_plies import lay_down, require_clear
 from lcmchain.solver.simulation import Simulation
+from lcmchain.solver.stages import lay_down, require_clear
 from lcmchain.state import STAGE, State
 
 MS = 1e-3

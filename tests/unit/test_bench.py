@@ -6,14 +6,14 @@ import platform
 import numpy as np
 import pytest
 
-from lcmchain.bench import hemisphere, machine, operations, parts, sizes, tables
+from lcmchain.bench import hemisphere, measure, operations, parts, sizes, tables
 from lcmchain.bench.laws import LAWS, LawSpeed
 from lcmchain.bench.measure import Measurement
 from lcmchain.bench.stacks import StackSpeed
 from lcmchain.check.effect_cost import EffectCost
 from lcmchain.effects.switches import Switchable
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.solver.interactions.contact_forces import find_near_packs
 from lcmchain.solver.simulation import Simulation
 
 COUNTED = operations.Operations(
@@ -23,8 +23,8 @@ COUNTED = operations.Operations(
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(machine, "ROUNDS", 10)
-    monkeypatch.setattr(machine, "STREAM", 1000)
+    monkeypatch.setattr(measure, "ROUNDS", 10)
+    monkeypatch.setattr(measure, "STREAM", 1000)
     monkeypatch.setattr(sizes, "ELEMENT_COUNTS", (100, 225))
     monkeypatch.setattr(sizes, "ELEMENT_STEPS", 100)
     monkeypatch.setattr(sizes, "REPETITIONS", 2)
@@ -181,8 +181,8 @@ def test_a_plate_is_free_and_moves():
 def test_the_measured_operations_are_made():
     """Sixteen multiply-adds in every round: x = x/2 + 1/4 comes to rest at 1/2."""
     numbers = np.array([1.5, -0.5])
-    machine.multiply_add(numbers, 0.5, 0.25, 1)
-    np.testing.assert_allclose(numbers - 0.5, np.array([1.0, -1.0]) * 0.5**machine.FMAS)
+    measure.multiply_add(numbers, 0.5, 0.25, 1)
+    np.testing.assert_allclose(numbers - 0.5, np.array([1.0, -1.0]) * 0.5**measure.FMAS)
     total = np.zeros(3)
-    machine.add_scaled(total, np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), 0.5)
+    measure.add_scaled(total, np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]), 0.5)
     np.testing.assert_array_equal(total, [3.0, 4.5, 6.0])

@@ -9,8 +9,7 @@ from rich.console import Console
 from lcmchain.bench.peers import comparison
 from lcmchain.bench.peers.calculix import CalculiX
 from lcmchain.bench.peers.kratos import HEXAHEDRON, Kratos
-from lcmchain.bench.peers.peer import Run, measure_peer
-from lcmchain.bench.peers.plate import SPEED, elastic_plate, own_displacement
+from lcmchain.bench.peers.plate import SPEED, Run, elastic_plate, measure_peer, own_displacement
 
 EDGE_ELEMENTS = 16
 PEERS = [CalculiX(), Kratos(HEXAHEDRON)]

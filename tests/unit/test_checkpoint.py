@@ -14,13 +14,13 @@ from lcmchain.scene import Scene, scene_from_text
 from lcmchain.solver.checkpoint import (
     FILE_NAME,
     FORMAT,
+    FRAME_FILE_NAME,
     Checkpoint,
+    FrameFile,
     read_checkpoint,
     remove_checkpoint,
     write_checkpoint,
 )
-from lcmchain.solver.frame_file import FILE_NAME as FRAME_FILE_NAME
-from lcmchain.solver.frame_file import FrameFile
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 

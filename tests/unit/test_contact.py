@@ -10,7 +10,7 @@ import pytest
 
 from lcmchain.packs import PACK
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.solver.interactions.contact_forces import find_near_packs
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import EXTERNAL
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK

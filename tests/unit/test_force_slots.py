@@ -7,7 +7,7 @@ from lcmchain.elements.blocks import EMPTY_ROWS, LANES
 from lcmchain.jit import entry
 from lcmchain.packs import PACK
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.force_slots import gather_internal_forces, runs_of_slots
+from lcmchain.solver.loop import gather_internal_forces, runs_of_slots
 from lcmchain.solver.simulation import Simulation
 
 FORCES = 40 * LANES

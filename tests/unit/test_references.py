@@ -15,7 +15,7 @@ from lcmchain.compilation.standalone import PREFIX, StandaloneDispatcher
 from lcmchain.effects.interaction import scratch_size
 from lcmchain.packs import PACK
 from lcmchain.solver import loop
-from lcmchain.solver.contact_forces import KEPT_PACKS
+from lcmchain.solver.interactions.contact_forces import KEPT_PACKS
 from lcmchain.tools.table import build_tool_table
 
 

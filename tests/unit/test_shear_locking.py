@@ -9,7 +9,7 @@ import pytest
 
 from lcmchain.dispatch import is_implemented
 from lcmchain.effects.supports import Support
-from lcmchain.elements import shear_wave
+from lcmchain.elements import family
 from lcmchain.errors import InputError
 from lcmchain.materials.fabric import (
     FabricLaw,
@@ -189,5 +189,5 @@ def test_the_step_follows_a_tangent_that_outgrows_the_fibres(monkeypatch):
     assert max(steps_over_stable(sim)) < 1.0
     assert sim.critical_step() < 0.5 * start
 
-    monkeypatch.setattr(shear_wave, "SHEAR_SHARE", math.inf)
+    monkeypatch.setattr(family, "SHEAR_SHARE", math.inf)
     assert max(steps_over_stable(sheared_sheet())) > 1.1

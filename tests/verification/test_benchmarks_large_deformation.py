@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from lcmchain.scene import Element
-from lcmchain.verification.benchmarks.large_cantilever import END_SHEAR, end_shear, roll_up
-from lcmchain.verification.benchmarks.large_shells import (
+from lcmchain.verification.benchmarks.large_deformation import (
+    END_SHEAR,
     HEMISPHERE,
     PINCHED_CYLINDER,
     PINCHED_CYLINDER_MBDYN,
+    end_shear,
     hemisphere,
     pinched_cylinder,
+    roll_up,
 )
 
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from lcmchain.scene import Element, scene_from_text
-from lcmchain.verification.benchmarks import beams, plates, shells
+from lcmchain.verification.benchmarks import linear
 from lcmchain.verification.benchmarks.meshes import AS_PUBLISHED, NO_SHEAR_ROW
 from lcmchain.verification.benchmarks.meshes import OPTIONS as OPTION_SETS
 from lcmchain.verification.benchmarks.patch import patch_test
 from lcmchain.verification.benchmarks.result import CurveResult
 from lcmchain.verification.benchmarks.table import Report, linear_benchmarks
 
-CURVED = (shells.scordelis_lo, shells.pinched_cylinder, shells.hemisphere)
+CURVED = (linear.scordelis_lo, linear.pinched_cylinder, linear.hemisphere)
 OPTIONS = {
     "as published": AS_PUBLISHED,
     "no shear row": NO_SHEAR_ROW,
@@ -64,11 +64,11 @@ def test_values_per_mesh_are_those_of_an_independent_implementation(results):
     "case",
     [
         *(partial(problem, 32) for problem in CURVED),
-        *(partial(beams.twisted_beam, thickness, load, 48) for thickness, load in beams.TWISTED),
-        partial(beams.straight_cantilever, "extension", "rectangle", 48, 4),
-        partial(beams.straight_cantilever, "out-of-plane", "rectangle", 48, 4),
-        partial(beams.straight_cantilever, "in-plane", "rectangle", 96, 8, NO_SHEAR_ROW),
-        *(partial(plates.clamped_plate, load, 1000, 32) for load in plates.COEFFICIENTS),
+        *(partial(linear.twisted_beam, thickness, load, 48) for thickness, load in linear.TWISTED),
+        partial(linear.straight_cantilever, "extension", "rectangle", 48, 4),
+        partial(linear.straight_cantilever, "out-of-plane", "rectangle", 48, 4),
+        partial(linear.straight_cantilever, "in-plane", "rectangle", 96, 8, NO_SHEAR_ROW),
+        *(partial(linear.clamped_plate, load, 1000, 32) for load in linear.COEFFICIENTS),
     ],
     ids=lambda case: " ".join(map(str, (case.func.__name__, *case.args[:4]))),
 )
@@ -81,13 +81,13 @@ def test_normal_thickness_reaches_the_reference_on_the_finest_mesh(problem):
     assert 0.98 < problem(32, Element()).normalised < 1.02
 
 
-@pytest.mark.parametrize("load", plates.COEFFICIENTS)
+@pytest.mark.parametrize("load", linear.COEFFICIENTS)
 def test_a_plate_of_any_slenderness_neither_locks_nor_scatters(load):
     """From L/t = 10³ to 10⁵ the deflection is that of the Kirchhoff plate to four digits.
 
     With nodal unknowns a direct solution scatters by percents at 10⁴.
     """
-    values = [plates.clamped_plate(load, slenderness, 16) for slenderness in (1e3, 1e4, 1e5)]
+    values = [linear.clamped_plate(load, slenderness, 16) for slenderness in (1e3, 1e4, 1e5)]
     thin = [value.normalised for value in values]
     np.testing.assert_allclose(thin, thin[1], rtol=1e-4)
     assert thin[1] == pytest.approx(1.0, abs=3e-3)
@@ -96,7 +96,7 @@ def test_a_plate_of_any_slenderness_neither_locks_nor_scatters(load):
 def test_clamped_plate_converges_with_second_order_to_the_series():
     """At L/t = 10⁴, where the transverse shear that the series leaves out is negligible."""
     counts = (4, 8, 16, 32)
-    error = [1.0 - plates.clamped_plate("uniform", 1e4, count).normalised for count in counts]
+    error = [1.0 - linear.clamped_plate("uniform", 1e4, count).normalised for count in counts]
     orders = np.log2(np.divide(error[:-1], error[1:]))
     assert np.all(orders > 1.9) and np.all(orders < 2.1)
 
@@ -114,14 +114,14 @@ def test_cylindrical_shells_converge(problem):
 
 
 def test_dropping_the_shear_row_removes_the_in_plane_bending_locking():
-    locked = beams.straight_cantilever("in-plane")
-    free = beams.straight_cantilever("in-plane", element=NO_SHEAR_ROW)
+    locked = linear.straight_cantilever("in-plane")
+    free = linear.straight_cantilever("in-plane", element=NO_SHEAR_ROW)
     assert locked.normalised < 0.1 and free.normalised > 0.85
 
 
 def test_cantilever_frequency_is_that_of_beam_theory():
-    assert beams.cantilever_frequency(16).normalised == pytest.approx(1.0, abs=2e-3)
-    errors = [1.0 - beams.cantilever_frequency(n).normalised for n in (4, 8, 16)]
+    assert linear.cantilever_frequency(16).normalised == pytest.approx(1.0, abs=2e-3)
+    errors = [1.0 - linear.cantilever_frequency(n).normalised for n in (4, 8, 16)]
     assert np.all(np.log2(np.divide(errors[:-1], errors[1:])) > 1.8)
 
 

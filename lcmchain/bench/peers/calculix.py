@@ -19,8 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.bench.peers.peer import Run
-from lcmchain.bench.peers.plate import DENSITY, POISSON_RATIO, YOUNG_MODULUS, Plate
+from lcmchain.bench.peers.plate import DENSITY, POISSON_RATIO, YOUNG_MODULUS, Plate, Run
 from lcmchain.errors import LcmchainError
 
 # Increments, about, of the run that tells how long one is.

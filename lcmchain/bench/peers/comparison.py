@@ -16,8 +16,15 @@ from lcmchain.bench import sizes
 from lcmchain.bench.measure import median_of
 from lcmchain.bench.peers.calculix import CalculiX
 from lcmchain.bench.peers.kratos import PRISM, Kratos
-from lcmchain.bench.peers.peer import REPETITIONS, Peer, PeerSpeed, measure_peer
-from lcmchain.bench.peers.plate import EDGE_ELEMENTS, elastic_plate, own_displacement
+from lcmchain.bench.peers.plate import (
+    EDGE_ELEMENTS,
+    REPETITIONS,
+    Peer,
+    PeerSpeed,
+    elastic_plate,
+    measure_peer,
+    own_displacement,
+)
 from lcmchain.bench.sizes import measured_plate
 from lcmchain.compilation.threads import use_threads
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation

@@ -17,8 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.bench.peers.peer import Run
-from lcmchain.bench.peers.plate import Plate
+from lcmchain.bench.peers.plate import Plate, Run
 from lcmchain.errors import LcmchainError
 
 DRIVER = Path(__file__).with_name("kratos_run.py")

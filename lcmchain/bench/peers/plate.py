@@ -1,5 +1,6 @@
-"""The plate that all programs compute: isotropic, free, stretched by its own inertia.
+"""The plate that all programs compute, and what each of them answers.
 
+The plate is isotropic and free, and is stretched by its own inertia.
 One layer of hexahedra, St. Venant-Kirchhoff, or what a program has that is the same for the small
 strains here. It starts with the velocity V cos(pi x / L) along x, which excites the lowest
 stretching of the plate. Stretching it is, and not bending, because one layer of elements with a
@@ -9,7 +10,7 @@ single integration point (C3D8R) bends against its hourglass control alone.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -84,3 +85,72 @@ def own_displacement(plate: Plate, simulation: Simulation) -> np.ndarray:
     displacement = simulation.state.position.T - plate.nodes
     simulation.restore(start)
     return displacement
+
+
+REPETITIONS = 5
+# The short run, in parts of the long one.
+SHORT = 0.25
+
+
+class Run(NamedTuple):
+    """One run of a peer.
+
+    steps : that it made. processor : time of the processor, user and system [s]. wall : [s].
+    displacement : at the end (node_count, 3) [m].
+    """
+
+    steps: int
+    processor: float
+    wall: float
+    displacement: np.ndarray
+
+
+class Peer(Protocol):
+    """A program that computes the plate, on one thread.
+
+    name : with its element. install : what to do where it is missing.
+    """
+
+    name: str
+    install: str
+
+    def version(self) -> str | None:
+        """Return the version that is installed, None where none is."""
+        ...
+
+    def run(self, plate: Plate, duration: float) -> Run:
+        """Compute the plate over so long [s]."""
+        ...
+
+
+class PeerSpeed(NamedTuple):
+    """What a peer takes [µs per element and step], and how far it agrees.
+
+    difference : to this program's displacement after a quarter of a period, L2 over the nodes, in
+        parts of it.
+    """
+
+    name: str
+    version: str
+    processor: float
+    wall: float
+    difference: float
+
+
+def measure_peer(peer: Peer, version: str, plate: Plate, own: np.ndarray) -> PeerSpeed:
+    """Measure a peer: difference of a long and a short run, so that reading and output drop out.
+
+    Parameters
+    ----------
+    own : displacement of this program after a quarter of a period (node_count, 3) [m].
+    """
+    short = peer.run(plate, SHORT * plate.quarter_period)
+    long = peer.run(plate, plate.quarter_period)
+    microseconds = 1e6 / (len(plate.elements) * (long.steps - short.steps))
+    return PeerSpeed(
+        peer.name,
+        version,
+        processor=microseconds * (long.processor - short.processor),
+        wall=microseconds * (long.wall - short.wall),
+        difference=float(np.linalg.norm(long.displacement - own) / np.linalg.norm(own)),
+    )

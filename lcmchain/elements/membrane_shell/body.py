@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from lcmchain.elements.blocks import LANES, in_blocks
-from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound
+from lcmchain.elements.family import Condition, ReferenceFrequencies, Unsound, shear_may_stiffen
 from lcmchain.elements.fibre_volume import (
     CAUSE_OF_SHEAR,
     initial_fibre_volume_fraction,
@@ -36,7 +36,6 @@ from lcmchain.elements.membrane_shell.patch import (
     angle_shares,
     triangle_geometry,
 )
-from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
@@ -92,7 +91,7 @@ class MembraneShellBody:
         choices: Any,
         first_node: int,
         first_element: int,
-    ) -> MembraneShellBody:
+    ) -> Self:
         """Build the body; without ``choices.bending`` no curvature is computed or kept.
 
         Raises
@@ -181,7 +180,7 @@ class MembraneShellBody:
         in_plane = self.material.wave_stiffness()[0] / self.material.density
         return in_plane * self.fibre_bound[0]
 
-    def with_mass_factor(self, factor: np.ndarray) -> MembraneShellBody:
+    def with_mass_factor(self, factor: np.ndarray) -> Self:
         return replace(self, mass_factor=factor)
 
     @cached_property

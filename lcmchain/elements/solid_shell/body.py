@@ -6,15 +6,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
-from lcmchain.elements.blocks import LANES, from_blocks, in_blocks
-from lcmchain.elements.family import Condition, NormalPressure, ReferenceFrequencies, Unsound
+from lcmchain.elements.blocks import LANES, find_runs, from_blocks, in_blocks
+from lcmchain.elements.family import (
+    Condition,
+    NormalPressure,
+    ReferenceFrequencies,
+    Unsound,
+    shear_may_stiffen,
+)
 from lcmchain.elements.fibre_volume import initial_fibre_volume_fraction, overfilled
-from lcmchain.elements.lane_runs import find_runs
-from lcmchain.elements.shear_wave import shear_may_stiffen
 from lcmchain.elements.solid_shell.curvature import renew_curvature
 from lcmchain.elements.solid_shell.cut_frequency import CutElements
 from lcmchain.elements.solid_shell.effects import solid_shell_effects
@@ -98,7 +102,7 @@ class SolidShellBody:
         choices: Any,
         first_node: int,
         first_element: int,
-    ) -> SolidShellBody:
+    ) -> Self:
         """Build the body; ``choices`` is the scene's element table or the like.
 
         Raises
@@ -213,7 +217,7 @@ class SolidShellBody:
             fibre[self.cut.elements] = self.cut.fibre_bound
         return np.maximum(in_plane * fibre, normal / self.geometry.height**2)
 
-    def with_mass_factor(self, factor: np.ndarray) -> SolidShellBody:
+    def with_mass_factor(self, factor: np.ndarray) -> Self:
         cut = None if self.cut is None else self.cut.with_mass_factor(factor)
         return replace(self, cut=cut, mass_factor=factor)
 

@@ -17,8 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lcmchain.elements.blocks import LANES, from_blocks, in_blocks, own_blocks
-from lcmchain.elements.lane_runs import find_runs
+from lcmchain.elements.blocks import LANES, find_runs, from_blocks, in_blocks, own_blocks
 from lcmchain.elements.solid_shell.frequency import NodalShares, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import ReferenceGeometry
 from lcmchain.elements.solid_shell.kernel import SolidShellData

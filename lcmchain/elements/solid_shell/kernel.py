@@ -14,9 +14,8 @@ from numba import prange
 from numba.extending import overload
 
 from lcmchain.dispatch import implements
-from lcmchain.elements.blocks import LANES, SharedBlocks
+from lcmchain.elements.blocks import LANES, RUN_COLUMNS, SharedBlocks, load_vectors
 from lcmchain.elements.family import internal_forces
-from lcmchain.elements.lane_runs import RUN_COLUMNS, load_vectors
 from lcmchain.elements.solid_shell.bending import (
     at_reference_thickness,
     at_reference_thickness_stress,
@@ -113,7 +112,7 @@ class SolidShellData(NamedTuple):
 
     law : see :mod:`lcmchain.materials.law`. options : :class:`Options`.
     corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
-    corner_run : where those of a corner in a block follow each other (``elements/lane_runs.py``).
+    corner_run : where those of a corner in a block follow each other (``elements/blocks.py``).
     element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``packing.py``).
     quick_data, quick_options : constants (ALIGNED_ROWS or FLAT_ROWS rows) and choices for the
         forces of those blocks whose elements are all of a kind with a quicker kernel: rectangles

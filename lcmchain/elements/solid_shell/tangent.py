@@ -16,12 +16,11 @@ Plain NumPy over blocks of elements, written separately from the compiled kernel
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.elements.blocks import from_blocks
-from lcmchain.elements.solid_shell import bending_tangent as bending
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
@@ -32,6 +31,7 @@ from lcmchain.materials.law import (
     stabilising_tangent,
     tangent_coupling_of,
 )
+from lcmchain.model import Model
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
@@ -80,7 +80,7 @@ class Linearisation(NamedTuple):
 
 
 def linearise(
-    model: Any,
+    model: Model,
     displacement: np.ndarray,
     resultants: np.ndarray | None = None,
     history: np.ndarray | None = None,
@@ -153,7 +153,7 @@ def _linearise_block(body, displacement, block, given, shared):
             row[:, m] += factor[:, None] * a[:, k]
     unscaled = B
     if options.reference_bending is not None:
-        B, E = bending.at_reference_thickness(B, E)
+        B, E = at_reference_thickness(B, E)
     R, D = _resultants(body, E, block)
     R, D, B = R.reshape(-1, 42), D.reshape(-1, 42, 42), B.reshape(-1, 42, 21)
 
@@ -161,7 +161,7 @@ def _linearise_block(body, displacement, block, given, shared):
     K = B.transpose(0, 2, 1) @ DB
     geometric = (R if given is None else given).reshape(-1, 7, 6)
     if options.reference_bending is not None:
-        hessian33, geometric = bending.geometric_part(unscaled, E, geometric)
+        hessian33, geometric = geometric_part(unscaled, E, geometric)
         K += hessian33
     S33 = geometric[:, CENTRE, NORMAL].copy()
     if options.director is None:
@@ -389,3 +389,54 @@ def _skew(v):
     zero = np.zeros(len(v))
     x, y, z = v.T
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+# --- bending at the reference thickness (:mod:`.bending`) ----------------------------------------
+
+# Taylor terms of the bending, in the order of ``packing.TERMS``, and their powers of ζ
+BENDING = [1, 2, 5, 6]
+POWER = np.array([1.0, 2.0, 1.0, 1.0])
+
+
+def at_reference_thickness(B: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return gradients (E, 7, 6, 21) and strains (E, 7, 6) with the bending over powers of λ."""
+    scale, r = _scale(E)
+    strains, gradients = E.copy(), B.copy()
+    strains[:, BENDING] *= scale[..., None]
+    gradients[:, BENDING] *= scale[..., None, None]
+    change = (POWER * r)[..., None] * strains[:, BENDING]
+    gradients[:, BENDING] -= change[..., None] * B[:, CENTRE, NORMAL][:, None, None]
+    return gradients, strains
+
+
+def geometric_part(B: np.ndarray, E: np.ndarray, R: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the second derivatives of the scaled strains add to the tangent.
+
+    Parameters
+    ----------
+    B : (E, 7, 6, 21) gradients before the scaling; E : (E, 7, 6) strains after it.
+    R : (E, 7, 6) resultants of the scaled strains.
+
+    Returns
+    -------
+    The products of first derivatives (E, 21, 21), and the resultants (E, 7, 6) of the unscaled
+    strains, whose second derivatives the caller knows.
+    """
+    scale, r = _scale(E)
+    b33 = B[:, CENTRE, NORMAL]
+    work = np.einsum("eti,eti->et", R[:, BENDING], E[:, BENDING])
+    along = np.einsum("et,eti,etij->ej", POWER * r * scale, R[:, BENDING], B[:, BENDING])
+    pair = along[:, :, None] * b33[:, None, :]
+    itself = np.sum(POWER * (POWER + 2.0) * r**2 * work, axis=1)
+    K = itself[:, None, None] * b33[:, :, None] * b33[:, None, :]
+    K -= pair + pair.transpose(0, 2, 1)
+    unscaled = R.copy()
+    unscaled[:, BENDING] *= scale[..., None]
+    unscaled[:, CENTRE, NORMAL] -= np.sum(POWER * r * work, axis=1)
+    return K, unscaled
+
+
+def _scale(E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return λ^-n of the bending terms (E, 4) and λ^-2 (E, 1)."""
+    r = 1.0 / (1.0 + 2.0 * E[:, CENTRE, NORMAL, None])
+    return r ** (0.5 * POWER), r

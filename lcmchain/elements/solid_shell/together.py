@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.compilation.cache_lines import aligned
+from lcmchain.compilation.processor import aligned
 from lcmchain.elements.blocks import SharedBlocks
 from lcmchain.elements.solid_shell.kernel import SolidShellData
 
 
-def kinds_of(data: Sequence[Any]) -> list[list[int]]:
+def kinds_of(data: Sequence[object]) -> list[list[int]]:
     """Return the numbers of the constants of bodies that can be put together, kind by kind."""
     kinds: list[list[int]] = []
     for number, own in enumerate(data):
@@ -30,7 +30,7 @@ def kinds_of(data: Sequence[Any]) -> list[list[int]]:
     return kinds
 
 
-def _same_kernel(first: Any, second: Any) -> bool:
+def _same_kernel(first: object, second: object) -> bool:
     if not (isinstance(first, SolidShellData) and isinstance(second, SolidShellData)):
         return False
     return all(

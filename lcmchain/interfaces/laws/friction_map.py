@@ -16,12 +16,15 @@ import numpy as np
 from pydantic import Field
 
 from lcmchain.effects.effect import range_in_words
-from lcmchain.interfaces.curves import increasing, place_between, rows_of, starts
 from lcmchain.interfaces.law import (
     carried,
     implements,
+    increasing,
     parameters,
+    place_between,
     respond,
+    rows_of,
+    starts,
     uses_sliding,
 )
 from lcmchain.interfaces.slip import (

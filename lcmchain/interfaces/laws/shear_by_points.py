@@ -19,8 +19,16 @@ import numpy as np
 from pydantic import Field
 
 from lcmchain.elements.vectors import dot
-from lcmchain.interfaces.curves import increasing, rows_of, starts
-from lcmchain.interfaces.law import InterfaceLawTable, carried, implements, parameters, respond
+from lcmchain.interfaces.law import (
+    InterfaceLawTable,
+    carried,
+    implements,
+    increasing,
+    parameters,
+    respond,
+    rows_of,
+    starts,
+)
 from lcmchain.interfaces.slip import SLIP_NUMBERS, slip_carried, slip_to, trial_slip
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import PositiveLength, PositiveStiffness, Row

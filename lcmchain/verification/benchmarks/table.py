@@ -10,15 +10,7 @@ from functools import partial
 from rich.table import Table
 
 from lcmchain.scene import Element
-from lcmchain.verification.benchmarks import (
-    beams,
-    large_cantilever,
-    large_shells,
-    patch,
-    plates,
-    semi_cylinder,
-    shells,
-)
+from lcmchain.verification.benchmarks import large_deformation, linear, patch, semi_cylinder
 from lcmchain.verification.benchmarks.meshes import NO_SHEAR_ROW, OPTIONS
 from lcmchain.verification.benchmarks.result import BenchmarkResult, CurveResult
 
@@ -38,12 +30,12 @@ def linear_benchmarks(finest: int = 32) -> list[Benchmark]:
         cases += [
             partial(patch.patch_test, kind, element=element) for kind in ("membrane", "bending")
         ]
-        for load in ("in-plane",) if locks else beams.STRAIGHT:
+        for load in ("in-plane",) if locks else linear.STRAIGHT:
             for shape in ("rectangle", "trapezoid", "parallelogram"):
-                cases.append(partial(beams.straight_cantilever, load, shape, element=element))
+                cases.append(partial(linear.straight_cantilever, load, shape, element=element))
         for n1, n2 in ((12, 1), (24, 2), (48, 4), (96, 8)):
             cases.append(
-                partial(beams.straight_cantilever, "in-plane", "rectangle", n1, n2, element)
+                partial(linear.straight_cantilever, "in-plane", "rectangle", n1, n2, element)
             )
         if not locks:
             cases += _bending_benchmarks(counts, element)
@@ -52,19 +44,19 @@ def linear_benchmarks(finest: int = 32) -> list[Benchmark]:
 
 def _bending_benchmarks(counts: list[int], element: Element) -> list[Benchmark]:
     cases: list[Benchmark] = [
-        partial(beams.straight_cantilever, "out-of-plane", "rectangle", 24, 2, element),
-        partial(beams.straight_cantilever, "extension", "rectangle", 48, 4, element),
+        partial(linear.straight_cantilever, "out-of-plane", "rectangle", 24, 2, element),
+        partial(linear.straight_cantilever, "extension", "rectangle", 48, 4, element),
     ]
-    for thickness, load in beams.TWISTED:
-        cases += [partial(beams.twisted_beam, thickness, load, n1, element) for n1 in (12, 24, 48)]
-    for problem in (shells.scordelis_lo, shells.pinched_cylinder, shells.hemisphere):
+    for thickness, load in linear.TWISTED:
+        cases += [partial(linear.twisted_beam, thickness, load, n1, element) for n1 in (12, 24, 48)]
+    for problem in (linear.scordelis_lo, linear.pinched_cylinder, linear.hemisphere):
         cases += [partial(problem, count, element) for count in counts]
-    for load in plates.COEFFICIENTS:
+    for load in linear.COEFFICIENTS:
         for slenderness in (100, 1000, 10_000):
             cases += [
-                partial(plates.clamped_plate, load, slenderness, count, element) for count in counts
+                partial(linear.clamped_plate, load, slenderness, count, element) for count in counts
             ]
-    cases.append(partial(beams.cantilever_frequency, element=element))
+    cases.append(partial(linear.cantilever_frequency, element=element))
     return cases
 
 
@@ -77,13 +69,13 @@ def large_deformation_benchmarks(full: bool) -> list[Benchmark]:
     for element in OPTIONS.values():
         if element == NO_SHEAR_ROW:
             continue
-        cases.append(partial(large_cantilever.end_shear, element=element))
+        cases.append(partial(large_deformation.end_shear, element=element))
         cases += [
-            partial(large_cantilever.roll_up, count, element=element) for count in (16, 24, 48)
+            partial(large_deformation.roll_up, count, element=element) for count in (16, 24, 48)
         ]
         if full:
-            cases += [partial(large_shells.hemisphere, count, element) for count in (16, 32)]
-            cases.append(partial(large_shells.pinched_cylinder, 48, element))
+            cases += [partial(large_deformation.hemisphere, count, element) for count in (16, 32)]
+            cases.append(partial(large_deformation.pinched_cylinder, 48, element))
             cases += [
                 partial(semi_cylinder.semi_cylinder, layup, 40, element)
                 for layup in semi_cylinder.LAYUPS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from lcmchain.dispatch import implements
 from lcmchain.effects.grippers import LEAST_DISTANCE, GripperTable, omega2_of_grippers
 from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound
 from lcmchain.jit import equation, routine, uncounted_routine
+from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, PACE, TIME, State
 from lcmchain.tools.motion.smooth_step import smooth_step
 
@@ -94,6 +94,6 @@ def add_pulls(grippers, arrays, chunk):
 
 
 @bound.register(GripperTable)
-def _bound_of_grippers(grippers: GripperTable, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_grippers(grippers: GripperTable, model: Model, state: State, ahead: float) -> Bound:
     omega2 = omega2_of_grippers(grippers, state.gripper_travel, state.gripper_force)
     return Bound(omega2, 0.0, "springs of grippers")

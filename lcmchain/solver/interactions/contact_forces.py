@@ -1,14 +1,18 @@
-"""Contact forces of the tools on the nodes of a chunk.
+"""Contact with tools within a step: which nodes can touch which tool, and the forces on them.
 
-Nodes are taken in packs of eight neighbours (:mod:`lcmchain.packs`), those of which one is near a
-tool. Where one of a pack touches a tool, the forces of all eight are made together; nodes that do
-not touch it get a force of zero.
+Now and then a search marks the nodes near a tool. In a step, nodes are taken in packs of eight
+neighbours (:mod:`lcmchain.packs`): those packs of which one node is near a tool. Where one of them
+touches the tool, the forces of all eight are made together; nodes that do not touch it get a force
+of zero.
 """
 
 from __future__ import annotations
 
 import math
 from typing import Any, NamedTuple
+
+import numpy as np
+from numba import prange
 
 from lcmchain.dispatch import implements
 from lcmchain.effects.contact import normal_force
@@ -17,7 +21,7 @@ from lcmchain.effects.friction import friction, friction_loss
 from lcmchain.effects.gravity import weights_from
 from lcmchain.effects.interaction import add_to_nodes, scratch_size
 from lcmchain.elements.vectors import dot, plus, products, scaled
-from lcmchain.jit import equation, standalone_span_routine
+from lcmchain.jit import equation, kernel, span_routine, standalone_span_routine, uncounted_routine
 from lcmchain.packs import (
     PACK,
     any_lane,
@@ -42,6 +46,52 @@ from lcmchain.tools.pack_distance import (
 from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 from lcmchain.tools.table import ToolTable
 from lcmchain.tools.turn import arm_at
+
+
+@kernel
+def find_near_nodes(arrays, tools, reach):
+    """Mark in ``arrays.near`` the nodes nearer to a tool than ``reach`` (tool_count,) [m]."""
+    for place in prange(arrays.chunk_order.size):
+        chunk = arrays.chunk_order[place]
+        first, last = arrays.chunk_start[chunk], arrays.chunk_start[chunk + 1]
+        work = np.empty(DISTANCE_PACKS * PACK)
+        for tool in range(tools.kind.size):
+            mark_near_nodes(arrays, tools, tool, reach[tool], first, last, work)
+
+
+@span_routine
+def mark_near_nodes(arrays, tools, tool, reach, first, last, work):
+    near, travel = arrays.near[tool], arrays.tool_travel[tool]
+    for begin in range(first, last, PACK):
+        count = min(PACK, last - begin)
+        position = load_vector(arrays.position, begin, count)
+        gap, _ = pack_distance(tools, tool, position, travel, work, 0)
+        store(work, 0, gap)
+        for i in range(count):
+            near[begin + i] = 1 if work[i] < reach else 0
+
+
+@uncounted_routine
+def find_near_packs(near, chunk_start, near_pack, tools_near):
+    """Mark the packs of nodes of which one is near to a tool, and count these tools.
+
+    Parameters
+    ----------
+    near : (tool_count, node_count), of the last search. near_pack : (pack_count, tool_count).
+    tools_near : (pack_count,). Every chunk of nodes has as many packs, of which the last ones may
+        be empty.
+    """
+    tools_near[:] = 0
+    for number in range(tools_near.size):
+        chunk = number // PACKS_OF_CHUNK
+        first = chunk_start[chunk] + number % PACKS_OF_CHUNK * PACK
+        for tool in range(near.shape[0]):
+            found = 0
+            for node in range(first, min(first + PACK, chunk_start[chunk + 1])):
+                found |= near[tool, node]
+            near_pack[number, tool] = found
+            tools_near[number] += found
+
 
 # What is kept for every tool, in packs: gap and normal of the present nodes, and a number that is
 # 1 where they touch the tool; then what the tool does to the nodes of the chunk, lane by lane.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,8 @@ from lcmchain.dispatch import implements
 from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
 from lcmchain.jit import equation, standalone_routine, uncounted_routine
-from lcmchain.solver.contact_search import find_near_packs
+from lcmchain.model import Model
+from lcmchain.solver.interactions.contact_forces import find_near_packs
 from lcmchain.state import (
     EXTERNAL,
     KINETIC,
@@ -156,7 +156,7 @@ def note_stop(arrays, tool, time):
 
 
 @bound.register(ToolTable)
-def _bound_of_contact(tools: ToolTable, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_contact(tools: ToolTable, model: Model, state: State, ahead: float) -> Bound:
     """Contact stiffness of the nodes near tools; the damping of a contact limits no step.
 
     It is averaged over the step, but its reaction on a guided tool is not.

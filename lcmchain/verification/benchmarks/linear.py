@@ -1,4 +1,4 @@
-"""Straight and twisted cantilevers in linear theory, MacNeal and Harder (1985)."""
+"""Beams, plates and shells in linear theory, by MacNeal and Harder (1985) unless said otherwise."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from lcmchain.verification.benchmarks.meshes import (
     X,
     Y,
     Z,
+    cylinder_sector,
+    hemisphere_quarter,
     isotropic_model,
     options_of,
     parameters,
@@ -149,4 +151,119 @@ def cantilever_frequency(n1: int = 16, element: Element = AS_PUBLISHED) -> Bench
         float(frequencies[0]),
         exact,
         "Euler-Bernoulli beam",
+    )
+
+
+# --- clamped square plate, from thick to very thin ------------------------------------------------
+
+
+# deflection of the centre over P L²/D and q L⁴/D, Kirchhoff plate (series)
+COEFFICIENTS = {"point": 0.0056046, "uniform": 0.00126532}
+# Value over reference of an independent linear implementation of the element as published, by
+# (load, slenderness) and the elements along the edge of a quarter.
+EXPECTED = {
+    ("point", 100): {2: 0.855, 4: 0.963, 8: 0.993, 16: 1.002, 32: 1.005},
+    ("point", 1000): {4: 0.961, 8: 0.990, 16: 0.998, 32: 1.001},
+    ("uniform", 100): {2: 0.947, 4: 0.987, 8: 0.998, 16: 1.001, 32: 1.001},
+    ("uniform", 1000): {4: 0.986, 8: 0.996, 16: 0.999, 32: 1.000},
+}
+
+
+def clamped_plate(
+    load: str, slenderness: int, count: int, element: Element = AS_PUBLISHED
+) -> BenchmarkResult:
+    """Deflection of the centre under a central force ("point") or a pressure ("uniform")."""
+    length, E, nu = 100.0, 1e7, 0.3
+    thickness = length / slenderness
+    mesh = rectangle(0.5 * length, 0.5 * length, thickness, count, count)
+    model = isotropic_model(mesh, E, nu, element)
+    grid = mesh.grid
+    held = mesh.held(
+        (grid[0], [X]), (grid[:, 0], [Y]), (grid[-1], [X, Y, Z]), (grid[:, -1], [X, Y, Z])
+    )
+    rigidity = E * thickness**3 / (12.0 * (1.0 - nu**2))
+    if load == "point":
+        forces = mesh.pair_loads([grid[0, 0]], [0.0, 0.0, 0.25 * rigidity / length**2])
+    else:
+        forces = np.zeros((3, model.node_count))
+        forces[Z] = 0.5 * model.nodes.area * rigidity / length**4
+    u = linear_solution(StaticProblem(model=model, held=held, forces=forces))
+    return BenchmarkResult(
+        f"clamped plate L/t = {slenderness:g}, {load} load",
+        mesh.mesh,
+        options_of(element),
+        float(mesh.middle(u, grid[0, 0])[Z]),
+        COEFFICIENTS[load],
+        "series of the Kirchhoff plate",
+        EXPECTED.get((load, slenderness), {}).get(count) if element == AS_PUBLISHED else None,
+    )
+
+
+# --- Scordelis-Lo roof, pinched cylinder, hemisphere with a hole ----------------------------------
+
+
+# Value over reference by the elements along an edge, from an independent linear implementation of
+# the element as published: material tangent in the hourglass terms, in-plane shear row kept.
+SCORDELIS_LO = {4: 0.948, 8: 0.974, 16: 0.989, 32: 0.994}
+PINCHED_CYLINDER = {4: 0.379, 8: 0.745, 16: 0.927, 32: 0.987}
+HEMISPHERE = {4: 1.031, 8: 0.995, 16: 0.990, 32: 0.993}
+
+
+def scordelis_lo(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
+    """Roof under its own weight on end diaphragms; sag of the free edge at midspan."""
+    mesh = cylinder_sector(25.0, 25.0, 0.25, math.radians(40.0), count, count)
+    model = isotropic_model(mesh, 4.32e8, 0.0, element)
+    grid = mesh.grid  # second index: from the free edge to the crown
+    held = mesh.held((grid[0], [X, Z]), (grid[-1], [Y]), (grid[:, -1], [X]))
+    weight = np.zeros((3, model.node_count))
+    weight[Z] = -0.5 * 90.0 * model.nodes.area
+    u = linear_solution(StaticProblem(model=model, held=held, forces=weight))
+    sag = -mesh.middle(u, grid[-1, 0])[Z]
+    return BenchmarkResult(
+        "Scordelis-Lo roof",
+        mesh.mesh,
+        options_of(element),
+        sag,
+        0.3024,
+        MACNEAL_HARDER,
+        SCORDELIS_LO.get(count) if element == AS_PUBLISHED else None,
+    )
+
+
+def pinched_cylinder(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
+    """Cylinder with end diaphragms between two opposite forces; deflection under the force."""
+    mesh = cylinder_sector(300.0, 300.0, 3.0, 0.5 * math.pi, count, count)
+    model = isotropic_model(mesh, 3e6, 0.3, element)
+    grid = mesh.grid
+    held = mesh.held((grid[0], [X, Z]), (grid[-1], [Y]), (grid[:, -1], [X]), (grid[:, 0], [Z]))
+    loads = mesh.pair_loads([grid[-1, -1]], [0.0, 0.0, -0.25])
+    u = linear_solution(StaticProblem(model=model, held=held, forces=loads))
+    return BenchmarkResult(
+        "pinched cylinder",
+        mesh.mesh,
+        options_of(element),
+        -mesh.middle(u, grid[-1, -1])[Z],
+        1.82488e-5,
+        "series solution, as in FinEtools",
+        PINCHED_CYLINDER.get(count) if element == AS_PUBLISHED else None,
+    )
+
+
+def hemisphere(count: int, element: Element = AS_PUBLISHED) -> BenchmarkResult:
+    """Hemisphere with an 18° hole under alternating radial forces at the equator."""
+    mesh = hemisphere_quarter(10.0, 0.04, math.radians(18.0), count, count)
+    model = isotropic_model(mesh, 6.825e7, 0.3, element)
+    grid = mesh.grid
+    held = mesh.held((grid[0], [Y]), (grid[-1], [X]))
+    held[Z, grid[count // 2, 0]] = True  # one node: a pair would hold the rotation there too
+    loads = mesh.pair_loads(grid[[0, -1], 0], [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    u = linear_solution(StaticProblem(model=model, held=held, forces=loads))
+    return BenchmarkResult(
+        "hemisphere with an 18° hole",
+        mesh.mesh,
+        options_of(element),
+        mesh.middle(u, grid[0, 0])[X],
+        0.0940,
+        MACNEAL_HARDER,
+        HEMISPHERE.get(count) if element == AS_PUBLISHED else None,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lcmchain.dispatch import implements, required
@@ -33,6 +31,7 @@ from lcmchain.effects.regional_pressure import RegionalPressure, present_pressur
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
 from lcmchain.jit import equation, routine, standalone_span_routine, uncounted_routine
+from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, TIME, State
 
 
@@ -153,29 +152,31 @@ def add_pressure_loads(arrays, first, last, dt_last, sums):
 
 
 @bound.register(PorePressures)
-def _bound_of_pore(pressures: PorePressures, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_pore(pressures: PorePressures, model: Model, state: State, ahead: float) -> Bound:
     return _with_cause(*_of_pore(pressures.pore, state, ahead))
 
 
 @bound.register(FacePressures)
-def _bound_of_face(pressures: FacePressures, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_face(pressures: FacePressures, model: Model, state: State, ahead: float) -> Bound:
     return _with_cause(_of_face(pressures.face, state), 0.0)
 
 
 @bound.register(BothPressures)
-def _bound_of_both(pressures: BothPressures, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_both(pressures: BothPressures, model: Model, state: State, ahead: float) -> Bound:
     pore, rate = _of_pore(pressures.pore, state, ahead)
     return _with_cause(pore + _of_face(pressures.face, state), rate)
 
 
 @bound.register(ColumnPressures)
-def _bound_of_columns(pressures: ColumnPressures, model: Any, state: State, ahead: float) -> Bound:
+def _bound_of_columns(
+    pressures: ColumnPressures, model: Model, state: State, ahead: float
+) -> Bound:
     return _with_cause(*_of_columns(pressures, state, ahead))
 
 
 @bound.register(ColumnAndFacePressures)
 def _bound_of_columns_and_face(
-    pressures: ColumnAndFacePressures, model: Any, state: State, ahead: float
+    pressures: ColumnAndFacePressures, model: Model, state: State, ahead: float
 ) -> Bound:
     column, rate = _of_columns(pressures, state, ahead)
     return _with_cause(column + _of_face(pressures.face, state), rate)
