@@ -154,14 +154,14 @@ class OrderedBody(NamedTuple):
     slot_runs: Any
 
 
-def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], Any]:
+def in_order(model: Model, batch_count: int) -> tuple[tuple[Any, ...], Any]:
     """Return the bodies of a model for :func:`advance`, and the fibres' bending, by reference.
 
     Bodies of one kind are put together (:mod:`lcmchain.elements.solid_shell.together`).
 
     Parameters
     ----------
-    part_count : in so many parts at most the work of a body is divided.
+    batch_count : in so many batches at most the work of a body is divided.
     """
     bending = None if model.fibre_bending is None else model.fibre_bending.data
     force_slot = model.nodes.force_slot
@@ -182,7 +182,7 @@ def in_order(model: Model, part_count: int) -> tuple[tuple[Any, ...], Any]:
                 data=data, last_force=last.last_force, last_history=last.last_history
             )
             schedule = build_schedule(
-                group, data.corner_node, bending, force_slot, model.nodes.chunk_start, part_count
+                group, data.corner_node, bending, force_slot, model.nodes.chunk_start, batch_count
             )
             force_slot, bending_place = schedule.force_slot, schedule.bending_place
         found.append((first, schedule))
@@ -212,7 +212,7 @@ def move_body(
     first, second, third, fourth, fifth = interactions
     if schedule is not None:
         for phase in range(schedule.phase_start.size - 1):
-            make_parts(
+            make_batches(
                 arrays, body, fibre_bending, first, second, third, fourth, fifth, environment,
                 averaging, phase, dt_last, dt,
             )  # fmt: skip
@@ -276,31 +276,33 @@ def scratch_of(acting):
 
 
 @kernel_part
-def make_parts(
+def make_batches(
     arrays, body, fibre_bending, first, second, third, fourth, fifth, environment, averaging,
     phase, dt_last, dt,
 ):  # fmt: skip
-    """Make the parts of a phase of a step.
+    """Make the batches of a phase of a step.
 
     One loop for all phases: compiled twice, a chunk of nodes might get other last digits between
-    two parts than within one.
+    two batches than within one.
     """
     start = body.schedule.phase_start
-    first_part = int(start[phase])
-    for k in prange(int(start[phase + 1]) - first_part):
+    first_batch = int(start[phase])
+    for k in prange(int(start[phase + 1]) - first_batch):
         acting = (first, second, third, fourth, fifth)
         work = np.empty(scratch_of(acting))
-        make_part(
-            arrays, body, fibre_bending, acting, environment, averaging, first_part + k, dt_last,
+        make_batch(
+            arrays, body, fibre_bending, acting, environment, averaging, first_batch + k, dt_last,
             dt, work,
         )  # fmt: skip
 
 
 @uncounted_routine
-def make_part(arrays, body, fibre_bending, acting, environment, averaging, part, dt_last, dt, work):
-    """Make a part of a step: the forces of its tiles, and the motion of the nodes behind each."""
+def make_batch(
+    arrays, body, fibre_bending, acting, environment, averaging, batch, dt_last, dt, work
+):
+    """Make a batch of a step: the forces of its tiles, and the motion of the nodes behind each."""
     schedule = body.schedule
-    for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
+    for tile in range(schedule.batch_start[batch], schedule.batch_start[batch + 1]):
         forces_of_tile(arrays, body, tile, dt_last)
         if fibre_bending is not None:
             bend_fibres(arrays, schedule, fibre_bending, tile)

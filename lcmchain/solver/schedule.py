@@ -3,8 +3,8 @@
 Done one after the other, the loops of a step each run through all of the sheet, and what one of
 them writes has left the nearer caches before the next one reads it. Here elements are taken in
 tiles; behind each of them follow the nodes whose forces are complete and whose positions nobody
-needs any more. Each thread does so with a part of the tiles, in two rounds: in the first one all
-parts make their first half, so that in the second one each part finds the beginning of the next
+needs any more. Each thread does so with a batch of the tiles, in two rounds: in the first one all
+batches make their first half, so that in the second one each batch finds the beginning of the next
 one done and completes what lies between them. What needs more than that, as with numberings across
 the sheet, is done last. Nothing of this changes a sum: every node sums up its own forces, and every
 chunk of nodes its own energies, in an order of their own.
@@ -33,29 +33,29 @@ from lcmchain.model import PlacedBody
 #: Blocks of 16 elements in a tile, at most: few enough for what they write to stay in the nearer
 #: caches, and enough for the code of one loop to stay at hand before that of the next one follows.
 TILE = 32
-#: Blocks of a part, at least.
-LEAST_PART = 4
+#: Blocks of a batch, at least.
+LEAST_BATCH = 4
 
 
 class Schedule(NamedTuple):
     """The order of a step; all arrays are int32.
 
-    Parts of one phase can be done at once, by as many threads; a phase begins when the last one is
-    done. A part has tiles, and a tile has pieces of work of five kinds, done in this order: blocks
-    of elements, the three stages of the fibres' bending, and chunks of nodes.
+    Batches of one phase can be done at once, by as many threads; a phase begins when the last one
+    is done. A batch has tiles, and a tile has pieces of work of five kinds, done in this order:
+    blocks of elements, the three stages of the fibres' bending, and chunks of nodes.
 
-    phase_start : (phase_count + 1,) first part of each phase. part_start : (parts + 1,) first tile
-    of each part. block, middle, vector, sum, chunk : numbers of the pieces, tile by tile; those of
-    the bending are empty without it. block_start and so on : (tile_count + 1,) where those of each
-    tile begin. Blocks of elements are numbered within what is put together, all others within the
-    model.
+    phase_start : (phase_count + 1,) first batch of each phase. batch_start : (batch_count + 1,)
+    first tile of each batch. block, middle, vector, sum, chunk : numbers of the pieces, tile by
+    tile; those of the bending are empty without it. block_start and so on : (tile_count + 1,) where
+    those of each tile begin. Blocks of elements are numbered within what is put together, all
+    others within the model.
     place, bending_place : where the blocks of elements and those of the bending write, in blocks
     from the beginning of what the body has. force_slot : as in
     :class:`lcmchain.model.NodeData`, for these places.
     """
 
     phase_start: np.ndarray
-    part_start: np.ndarray
+    batch_start: np.ndarray
     block: np.ndarray
     block_start: np.ndarray
     middle: np.ndarray
@@ -72,18 +72,18 @@ class Schedule(NamedTuple):
 
 
 class _Tiles(NamedTuple):
-    """Tiles of the rounds, in the order of rounds and parts, and one more for what is done last.
+    """Tiles of the rounds, in the order of rounds and batches, and one more for what is done last.
 
-    phase, part, following : (tile_count + 1,) where each tile is done, and the first tile of the
-    same part in the next round. of_block : (block_count,) tile of each block. part_start : first
-    tile of each part of each round, and the last tile.
+    phase, batch, following : (tile_count + 1,) where each tile is done, and the first tile of the
+    same batch in the next round. of_block : (block_count,) tile of each block. batch_start : first
+    tile of each batch of each round, and the last tile.
     """
 
     phase: np.ndarray
-    part: np.ndarray
+    batch: np.ndarray
     following: np.ndarray
     of_block: np.ndarray
-    part_start: list[int]
+    batch_start: list[int]
 
     @property
     def last(self) -> int:
@@ -98,7 +98,7 @@ class _Tiles(NamedTuple):
         """
         found = _latest(piece, tile, count)
         there = found[piece]
-        at_once = (self.phase[tile] == self.phase[there]) & (self.part[tile] != self.part[there])
+        at_once = (self.phase[tile] == self.phase[there]) & (self.batch[tile] != self.batch[there])
         found[piece[at_once]] = self.following[there[at_once]]
         return found
 
@@ -109,7 +109,7 @@ def build_schedule(
     bending_data: FibreBendingData | None,
     force_slot: np.ndarray,
     chunk_start: np.ndarray,
-    part_count: int,
+    batch_count: int,
 ) -> Schedule:
     """Return the order of a step of a body of solid-shells, or of several that are put together.
 
@@ -120,7 +120,7 @@ def build_schedule(
     bending_data : of the fibres of all bodies, or None.
     force_slot : where each node of the model finds its forces.
     chunk_start : first node of every chunk of the model, and the number of nodes.
-    part_count : at most so many parts; a small sheet has fewer.
+    batch_count : at most so many batches; a small sheet has fewer.
     """
     corner_nodes = corner_node.reshape(-1, 8 * LANES)
     node_count = int(chunk_start[-1])
@@ -132,8 +132,8 @@ def build_schedule(
     own_chunk[chunk_numbers] = np.arange(chunk_numbers.size)
     chunk_of = own_chunk[np.repeat(np.arange(own_chunk.size), np.diff(chunk_start))]
     first_bending, last_bending = bodies[0].first_bending, bodies[-1].last_bending
-    parts = min(part_count, -(-len(corner_nodes) // LEAST_PART))
-    tiles = _tiles(len(corner_nodes), parts)
+    batches = min(batch_count, -(-len(corner_nodes) // LEAST_BATCH))
+    tiles = _tiles(len(corner_nodes), batches)
 
     # a node is there from the first of its elements on, and free to move after the last one
     block = np.repeat(np.arange(len(corner_nodes)), 8 * LANES)
@@ -156,19 +156,22 @@ def build_schedule(
     tile = np.concatenate([bending.used_tile, chunks[chunk_of[bending.node]]])
     bending_place = _places(tiles, bending.middle, tiles.after(piece, tile, bending.middle.size))
 
-    part_start, phase_start = list(tiles.part_start), list(range(0, len(tiles.part_start), parts))
+    batch_start, phase_start = (
+        list(tiles.batch_start),
+        list(range(0, len(tiles.batch_start), batches)),
+    )
     late = np.flatnonzero(chunks == tiles.last)
     if late.size:
-        # the fibres' bending in one part, then the nodes divided among as many as there are
-        chunks[late] += 1 + np.arange(late.size) * parts // late.size
-        part_start += list(tiles.last + 1 + np.arange(parts + 1))
-        phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + parts]
+        # the fibres' bending in one batch, then the nodes divided among as many as there are
+        chunks[late] += 1 + np.arange(late.size) * batches // late.size
+        batch_start += list(tiles.last + 1 + np.arange(batches + 1))
+        phase_start += [phase_start[-1] + 1, phase_start[-1] + 1 + batches]
     stages = (tiles.of_block, bending.middle, bending.vector, bending.sum, chunks)
     bent = first_bending + np.arange(last_bending - first_bending)
     numbers = (np.arange(len(corner_nodes)), bent, bent, bent, chunk_numbers)
-    arrays: list[Any] = [phase_start, part_start]
+    arrays: list[Any] = [phase_start, batch_start]
     for of, number in zip(stages, numbers, strict=True):
-        order, start = _queue(of, part_start[-1])
+        order, start = _queue(of, batch_start[-1])
         arrays += [number[order], start]
     force_slot = _moved(force_slot, bodies[0].first_force, CORNER_ROWS, place)
     force_slot = _moved(force_slot, bending.first_force, FORCE_ROWS, bending_place)
@@ -176,30 +179,30 @@ def build_schedule(
     return Schedule(*(np.asarray(array, dtype=np.int32) for array in arrays))
 
 
-def _tiles(block_count: int, parts: int) -> _Tiles:
-    """Divide the blocks among parts, rounds and tiles."""
-    rounds = 2 if parts > 1 else 1
-    ends = np.round(np.linspace(0, block_count, parts * rounds + 1)).astype(np.int64)
-    counts = -(-np.diff(ends) // TILE).reshape(parts, rounds).T.ravel()
-    part_start = np.concatenate([[0], np.cumsum(counts)])
-    turn, own = np.divmod(np.arange(counts.size), parts)
-    following = np.concatenate([part_start[parts:-1], np.full(parts, part_start[-1])])
+def _tiles(block_count: int, batches: int) -> _Tiles:
+    """Divide the blocks among batches, rounds and tiles."""
+    rounds = 2 if batches > 1 else 1
+    ends = np.round(np.linspace(0, block_count, batches * rounds + 1)).astype(np.int64)
+    counts = -(-np.diff(ends) // TILE).reshape(batches, rounds).T.ravel()
+    batch_start = np.concatenate([[0], np.cumsum(counts)])
+    turn, own = np.divmod(np.arange(counts.size), batches)
+    following = np.concatenate([batch_start[batches:-1], np.full(batches, batch_start[-1])])
     block = np.arange(block_count)
     stretch = np.searchsorted(ends, block, side="right") - 1
-    first = part_start[stretch % rounds * parts + stretch // rounds]
+    first = batch_start[stretch % rounds * batches + stretch // rounds]
     return _Tiles(
         np.append(np.repeat(turn, counts), rounds),
         np.append(np.repeat(own, counts), 0),
-        np.append(np.repeat(following, counts), part_start[-1]),
+        np.append(np.repeat(following, counts), batch_start[-1]),
         first + (block - ends[stretch]) // TILE,
-        part_start.tolist(),
+        batch_start.tolist(),
     )
 
 
 def _places(tiles: _Tiles, written: np.ndarray, used: np.ndarray) -> np.ndarray:
     """Return where what pieces write may lie: where what nobody needs any more did.
 
-    Each part has places of its own. What another part reads last, or what is read last of all,
+    Each batch has places of its own. What another batch reads last, or what is read last of all,
     keeps its own.
 
     Parameters
@@ -209,10 +212,10 @@ def _places(tiles: _Tiles, written: np.ndarray, used: np.ndarray) -> np.ndarray:
     """
     place, count = np.empty(used.size, dtype=np.int64), 0
     pieces, start = _queue(written, tiles.last + 1)
-    for part in range(int(tiles.part.max()) + 1):
+    for batch in range(int(tiles.batch.max()) + 1):
         free: list[int] = []
         left: dict[int, list[int]] = {}
-        for tile in np.flatnonzero(tiles.part[: tiles.last] == part).tolist():
+        for tile in np.flatnonzero(tiles.batch[: tiles.last] == batch).tolist():
             for piece in pieces[start[tile] : start[tile + 1]].tolist():
                 if not free:
                     free, count = [count], count + 1
@@ -270,7 +273,7 @@ def _bending(
     before_and_after = indices[:, 2:6] - first * MIDDLE_ROWS * LANES
     sources = indices[:, 6:] - first * VECTOR_ROWS * LANES
     node_piece = np.repeat(own, 2 * LANES)
-    middle = _latest(node_piece, first_tile[node], count)  # any part may read the nodes
+    middle = _latest(node_piece, first_tile[node], count)  # any batch may read the nodes
     reader = np.concatenate([own, np.repeat(own, 4 * LANES)])
     of_middles = np.concatenate([own, before_and_after.ravel() // (MIDDLE_ROWS * LANES)])
     vector = tiles.after(reader, middle[of_middles], count)

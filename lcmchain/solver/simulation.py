@@ -541,10 +541,10 @@ class Simulation:
 
         And the fibres' bending, whose blocks lie where these orders have them.
         """
-        parts = thread_count()
-        if parts not in self._orders:
-            self._orders[parts] = in_order(self.model, parts)
-        return self._orders[parts]
+        batches = thread_count()
+        if batches not in self._orders:
+            self._orders[batches] = in_order(self.model, batches)
+        return self._orders[batches]
 
     def _history(self, body: Body) -> np.ndarray:
         return self.model.history_of(body, self.state.history)

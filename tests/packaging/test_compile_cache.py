@@ -388,7 +388,7 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
         return set(json.loads(done.stdout))
 
     first = compiled()
-    assert {"advance", "make_parts", "move_chunk", "find_near_nodes"} <= first
+    assert {"advance", "make_batches", "move_chunk", "find_near_nodes"} <= first
     assert compiled() == set()
     numbers = (
         'blank.size=["40 mm", "30 mm"]', "process.mass_damping=10 1/s", "process.gravity=true",
@@ -398,7 +398,7 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
     assert compiled(*numbers) == set()
     published = ("element.compaction_strain=director", "element.hourglass=published")
     second = compiled(*published)
-    assert {"advance", "make_parts"} <= second
+    assert {"advance", "make_batches"} <= second
     assert not {"move_chunk", "find_near_nodes", "centre_stretches"} & second
     assert compiled(*published) == compiled(*numbers) == set()
 
@@ -459,7 +459,7 @@ def test_two_processes_compile_what_one_does(tmp_path):
     assert fields == fields_alone == fields_again
     assert compiled_again == set() and told_again == []
     there = compiled_alone - here
-    assert {"element_frequency_bounds"} <= there and {"advance", "make_parts"} <= here
+    assert {"element_frequency_bounds"} <= there and {"advance", "make_batches"} <= here
     pairs = [text for text in told if " and " in text]
     assert pairs and all("now steps and " in text for text in pairs)
     assert not any(" and " in text for text in told_alone)

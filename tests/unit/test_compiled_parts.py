@@ -8,7 +8,7 @@ from numba.extending import overload
 
 from lcmchain.compilation.compiled_parts import PartDispatcher, PartLibrary
 from lcmchain.jit import entry, equation, routine
-from lcmchain.solver.loop import make_parts, move_nodes
+from lcmchain.solver.loop import make_batches, move_nodes
 
 MODULE = """
 from lcmchain.jit import entry, equation, routine
@@ -143,7 +143,7 @@ def test_what_stands_for_a_function_in_compiled_code_has_no_code_of_its_own(mach
 
 
 def test_loops_of_compiled_code_alone_are_parts():
-    assert isinstance(make_parts, PartDispatcher) and isinstance(move_nodes, PartDispatcher)
+    assert isinstance(make_batches, PartDispatcher) and isinstance(move_nodes, PartDispatcher)
 
 
 def test_functions_of_the_user_over_arrays_have_code_as_before(machine_code):

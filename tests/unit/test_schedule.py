@@ -16,7 +16,7 @@ from lcmchain.elements.blocks import LANES, in_blocks
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import PlacedBody, build_model
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.schedule import LEAST_PART, build_schedule
+from lcmchain.solver.schedule import LEAST_BATCH, build_schedule
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.span_rows import NODE_CHUNK
 
@@ -24,34 +24,34 @@ STAGES = ("block", "middle", "vector", "sum", "chunk")
 
 
 def performed(schedule):
-    """When each piece of a stage is done: (phase, part, place within the part)."""
+    """When each piece of a stage is done: (phase, batch, place within the batch)."""
     found = {stage: {} for stage in STAGES}
     for phase in range(schedule.phase_start.size - 1):
-        for part in range(schedule.phase_start[phase], schedule.phase_start[phase + 1]):
+        for batch in range(schedule.phase_start[phase], schedule.phase_start[phase + 1]):
             place = 0
-            for tile in range(schedule.part_start[part], schedule.part_start[part + 1]):
+            for tile in range(schedule.batch_start[batch], schedule.batch_start[batch + 1]):
                 for stage in STAGES:
                     start = getattr(schedule, f"{stage}_start")
                     for piece in getattr(schedule, stage)[start[tile] : start[tile + 1]]:
                         assert int(piece) not in found[stage], f"{stage} {piece} is done twice"
-                        found[stage][int(piece)] = (phase, part, place)
+                        found[stage][int(piece)] = (phase, batch, place)
                         place += 1
     return found
 
 
 def is_after(later, earlier):
-    """Whether a piece surely finds another one done: in an earlier phase or earlier in its part."""
+    """Whether a piece surely finds another one done: in an earlier phase, or before it in a batch."""
     if later[0] != earlier[0]:
         return later[0] > earlier[0]
     return later[1] == earlier[1] and later[2] > earlier[2]
 
 
-def schedule_of(model, parts, number=0):
+def schedule_of(model, batches, number=0):
     """The order of a step of one of the bodies."""
     bending = None if model.fibre_bending is None else model.fibre_bending.data
     placed, nodes = model.placed[number], model.nodes
     return build_schedule(
-        [placed], placed.data.corner_node, bending, nodes.force_slot, nodes.chunk_start, parts
+        [placed], placed.data.corner_node, bending, nodes.force_slot, nodes.chunk_start, batches
     )
 
 
@@ -118,34 +118,34 @@ material = { preset = "MD600" }
 """
 
 
-@pytest.mark.parametrize("parts", [1, 2, 3, 8, 1000])
+@pytest.mark.parametrize("batches", [1, 2, 3, 8, 1000])
 @pytest.mark.parametrize("in_plane", [True, False])
-def test_nothing_is_done_before_what_it_needs(parts, in_plane):
+def test_nothing_is_done_before_what_it_needs(batches, in_plane):
     overrides = () if in_plane else ("material.bending.in_plane=0.0",)
     model = build_model(scene_from_text(SHEET, overrides=overrides))
     assert (model.fibre_bending is not None) == in_plane
-    schedule = schedule_of(model, parts)
+    schedule = schedule_of(model, batches)
     require_order(model, schedule)
     blocks = model.placed[0].data.corner_node.size // (8 * LANES)
-    assert schedule.phase_start[1] == min(parts, -(-blocks // LEAST_PART))
-    if parts == 1:
+    assert schedule.phase_start[1] == min(batches, -(-blocks // LEAST_BATCH))
+    if batches == 1:
         assert schedule.phase_start.tolist() == [0, 1]
 
 
-@pytest.mark.parametrize("parts", [1, 2, 5])
+@pytest.mark.parametrize("batches", [1, 2, 5])
 @pytest.mark.parametrize("edge", ["4 mm", "2.5 mm"])
-def test_rows_of_any_length_in_tiles_of_any_size(edge, parts, monkeypatch):
+def test_rows_of_any_length_in_tiles_of_any_size(edge, batches, monkeypatch):
     overrides = (f"blank.edge_length={edge}", "blank.fibre_angle=0 deg")
     model = build_model(scene_from_text(SHEET, overrides=overrides))
     for tile in (1, 2, 4):
         monkeypatch.setattr("lcmchain.solver.schedule.TILE", tile)
-        require_order(model, schedule_of(model, parts))
+        require_order(model, schedule_of(model, batches))
 
 
 def test_forces_lie_where_others_have_been_summed_up():
     model = build_model(scene_from_text(SHEET, overrides=("blank.edge_length=1 mm",)))
     schedule = schedule_of(model, 2)
-    # two parts, and in each of them little more than the tiles at work
+    # two batches, and in each of them little more than the tiles at work
     assert schedule.place.max() < 0.25 * schedule.place.size
     assert schedule.bending_place.max() < 0.25 * schedule.bending_place.size
 
@@ -159,7 +159,7 @@ def test_in_the_second_round_parts_complete_what_lies_between_them():
 
 
 @given(st.integers(0, 10**6), st.integers(1, 9), st.integers(1, 400), st.integers(9, 2000))
-def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count, node_count):
+def test_any_numbering_of_elements_and_nodes_will_do(seed, batches, element_count, node_count):
     random = np.random.default_rng(seed)
     # some numberings along the sheet, some across it
     reach = random.choice([3, 50, node_count])
@@ -195,7 +195,7 @@ def test_any_numbering_of_elements_and_nodes_will_do(seed, parts, element_count,
     )
     # tiles of a block or two: many turns for so few elements
     with patch("lcmchain.solver.schedule.TILE", int(random.integers(1, 3))):
-        schedule = schedule_of(model, parts)
+        schedule = schedule_of(model, batches)
     require_order(model, schedule)
 
 
@@ -221,17 +221,17 @@ shape = { type = "plate_with_hole", hole_radius = "28 mm", fillet_radius = "10 m
 def test_the_number_of_parts_changes_no_bit(monkeypatch, angle):
     """Of a sheet whose elements are all alike, and of one that its outline cuts."""
 
-    def formed(parts):
+    def formed(batches):
         scene = scene_from_text(CUP, overrides=(f"blank.fibre_angle={angle}",))
         simulation = Simulation.from_scene(scene)
         assert (simulation.model.only_body().data.general is None) == (angle == "0 deg")
         monkeypatch.setattr(
             "lcmchain.solver.loop.build_schedule",
-            lambda *arguments: build_schedule(*arguments[:-1], parts),
+            lambda *arguments: build_schedule(*arguments[:-1], batches),
         )
         simulation.advance_to(2e-3)
         return {name: array.tobytes() for name, array in simulation.state.as_dict().items()}
 
     one = formed(1)
-    for parts in (2, 3, 5):
-        assert formed(parts) == one
+    for batches in (2, 3, 5):
+        assert formed(batches) == one
