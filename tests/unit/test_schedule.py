@@ -40,7 +40,7 @@ def performed(schedule):
 
 
 def is_after(later, earlier):
-    """Whether a piece surely finds another one done: in an earlier phase, or before it in a batch."""
+    """Whether a piece surely finds another one done: in an earlier phase, or before it in one."""
     if later[0] != earlier[0]:
         return later[0] > earlier[0]
     return later[1] == earlier[1] and later[2] > earlier[2]
