@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.flow.preform import PermeabilityFactor, kozeny_factor
 from lcmchain.coupling.infiltration.formed_part import NEEDED, FormedPart, fibre_directions
 from lcmchain.coupling.measured_permeability import MeasuredPermeability
@@ -16,7 +15,7 @@ from lcmchain.coupling.permeability import (
     law_of,
     principal_permeabilities,
 )
-from lcmchain.coupling.solids.stack_compaction import StackCompaction
+from lcmchain.coupling.solids.stack_compaction import StackCompaction, compaction_of
 from lcmchain.errors import InputError, SimulationError, first_few
 from lcmchain.mapping.plies import SHARE
 from lcmchain.scene.permeability import Permeability

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -494,7 +494,7 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
         save(figure, path)
 
 
-def _gate_pressures(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _gate_pressures(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     for number, gate in enumerate(filled.setup.gates):
         colour = SERIES[number % len(SERIES)]
         pressure = 1e-5 * filled.history.gate_pressure[:, number]
@@ -503,14 +503,14 @@ def _gate_pressures(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(loc="best")
 
 
-def _gate_rates(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _gate_rates(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     for number in range(len(filled.setup.gates)):
         colour = SERIES[number % len(SERIES)]
         axis.plot(time, 1e6 * filled.history.gate_rate[:, number], color=colour)
     axis.set_ylabel("flow rate of the gates [ml/s]")
 
 
-def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _forces(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     total, fibres, resin, *more = filled.history.force.T
     axis.plot(time, 1e-3 * total, color=INK, label="all")
     axis.plot(time, 1e-3 * fibres, color=SERIES[1], label="fibres")
@@ -521,7 +521,7 @@ def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(loc="best")
 
 
-def _volumes(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _volumes(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     history = filled.history
     if filled.setup.gates:
         axis.plot(time, 1e6 * history.injected.sum(axis=1), color=INK, label="injected")
@@ -536,8 +536,8 @@ def _volumes(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(handles=[*axis.get_lines(), *share.get_lines()], loc="lower right")
 
 
-def _limit(axis, rates: np.ndarray) -> None:
-    """Keep the first moments of a pressure gate, whose flow rate is unbounded, from flattening."""
+def _limit(axis: Axes, rates: np.ndarray) -> None:
+    """Limit the axis, because the flow rate of a pressure gate is unbounded at the begin."""
     rates = rates[np.isfinite(rates)]  # closed gates have none
     if rates.size and rates.max() > 0.0:
         low, high = min(0.0, float(rates.min())), float(rates.max())

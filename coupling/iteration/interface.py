@@ -33,6 +33,8 @@ THICKNESS_RATE_SLOPE = "thickness_rate_slope"  # [m/(s Pa)] per cell
 VOLUME = "volume"  # [m3] per cell, at the end of the step
 RESISTANCE = "pore_resistance"  # [Pa s/m3] per cell
 PRESSURE_AT_REST = "pressure_at_rest"  # [Pa] per cell
+# Nodes of the mid-surface.
+POINTS = "points"  # [m] (3 N,), x y z of one node after the other
 
 
 class Jumps(Protocol):
@@ -318,3 +320,35 @@ def find_port(name: str, ports: Mapping[str, Port], parts: Collection[str], kind
         return Port(part, field)
     known = ", ".join([*ports, *(f"{part}.<field>" for part in parts)])
     raise InputError(f'the coupled system has no {kind} "{name}"; there are {known}')
+
+
+# --- checks of fields -----------------------------------------------------------------------------
+
+
+def checked_field(name: str, values: np.ndarray, count: int) -> np.ndarray:
+    """Return a copy of the values of a field (count,), one per cell.
+
+    Raises
+    ------
+    InputError : a wrong number of values, or a value that is no number; names the cell.
+    """
+    values = np.array(values, dtype=float)
+    if values.shape != (count,):
+        raise InputError(f"{name} has the shape {values.shape}; there are {count} cells")
+    if not np.isfinite(values).all():
+        cell = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise InputError(f"{name} is {values[cell]} in cell {cell}")
+    return values
+
+
+def selected_fields(names: Sequence[str], outputs: Fields) -> Fields:
+    """Return copies of the outputs with these names.
+
+    Raises
+    ------
+    InputError : a name that is no output.
+    """
+    unknown = [name for name in names if name not in outputs]
+    if unknown:
+        raise InputError(f'"{unknown[0]}" is no output; there are {", ".join(outputs)}')
+    return {name: outputs[name].copy() for name in names}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -14,6 +14,9 @@ from lcmchain.quantities.entry_types import FROM_FILE, LengthUnit, Pressure, wro
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.boundaries import Closure
 from lcmchain.scene.reading.read import parse_toml, read_text
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 
 class InfiltrationPart(SceneModel):
@@ -153,12 +156,12 @@ def read_case(path: Path) -> PreciceCase:
     try:
         return PreciceCase.model_validate(data, context=FROM_FILE)
     except ValidationError as error:
-        lines = [_line(details, data) for details in error.errors(include_url=False)[:20]]
+        lines = [_line(details) for details in error.errors(include_url=False)[:20]]
         raise InputError("; ".join(lines), file=path) from None
 
 
-def _line(details: Any, data: dict[str, Any]) -> str:
-    """One wrong entry in words."""
+def _line(details: ErrorDetails) -> str:
+    """Return one wrong entry in words."""
     steps = [step for step in details["loc"] if step not in _tags()]
     if field := details.get("ctx", {}).get("field"):  # of a check of the whole table
         steps.append(field)

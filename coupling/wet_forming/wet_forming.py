@@ -27,12 +27,12 @@ from lcmchain.coupling.iteration import (
     iqn_ils,
 )
 from lcmchain.coupling.iteration.interface import (
+    POINTS,
     PRESSURE_AT_REST,
     RESISTANCE,
     VOLUME,
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
-from lcmchain.coupling.solids.fields import POINTS
 from lcmchain.coupling.solids.stack import StackForming, forming_of_scene
 from lcmchain.coupling.solids.tool_loads import tool_loads
 from lcmchain.coupling.wet_forming.moving_permeability import (
