@@ -11,7 +11,6 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from lcmchain.coupling.cosimulation.variable import (
 from lcmchain.errors import InputError, shortened
 
 #: One value of a variable.
-_Value = bool | int | float | str
+Scalar = bool | int | float | str
 #: Units of measurement that the description of a unit defines, by name.
 _Known = Mapping[str, PhysicalUnit]
 
@@ -136,7 +135,7 @@ def values_of(variable: Variable, entry: object, known: _Known, key: str) -> Var
     return values
 
 
-def _value(variable: Variable, value: object, known: _Known, key: str) -> _Value:
+def _value(variable: Variable, value: object, known: _Known, key: str) -> Scalar:
     kind = variable.type_name
     if variable.is_text:
         if not isinstance(value, str):
@@ -230,9 +229,9 @@ def configure(
         key = f"units.{unit}.start.{name}"
         values = values_of(variable, value, description.units, key)
         _require_within(variable, values[0], key)
-        if _text(variable, values[0]) != _own_text(variable):
+        if value_text(variable, values[0]) != _own_text(variable):
             settings.append((variable, values))
-            texts[name] = _text(variable, values[0])
+            texts[name] = value_text(variable, values[0])
     if not settings:
         return description, Configuration()
     variables = dict(description.variables)
@@ -296,8 +295,8 @@ def _require_within(variable: Variable, value: float, key: str) -> None:
         )
 
 
-def _text(variable: Variable, value: Any) -> str:
-    """Return a value, of Python or numpy, as the text that stands for it."""
+def value_text(variable: Variable, value: Scalar) -> str:
+    """Return one value, of Python or numpy, as the text that stands for it in XML."""
     if variable.is_text:
         return str(value)
     if variable.kind in TRUTHS:
@@ -311,6 +310,6 @@ def _own_text(variable: Variable) -> str | None:
         text = variable.start[0]
         if variable.kind in TRUTHS:
             return {"1": "true", "0": "false"}.get(text, text)
-        return _text(variable, np.array([text]).astype(variable.dtype)[0])
+        return value_text(variable, np.array([text]).astype(variable.dtype)[0])
     except (IndexError, ValueError, OverflowError):
         return None

@@ -72,7 +72,7 @@ def draw_medium_time(path: Path | str, filled: FilledPart, title: str) -> None:
 
 
 def _last_time(fill_time: np.ndarray) -> tuple[float, float, str]:
-    """The last of fill times [s], and factor and name of the unit in which they are told."""
+    """Return the last of fill times [s], and factor and name of the unit that shows them."""
     last = float(np.nanmax(fill_time)) if np.isfinite(fill_time).any() else 0.0
     return (last, 1.0, "s") if last < 600.0 else (last, 1.0 / 60.0, "min")
 
@@ -391,13 +391,13 @@ def triangles_around_centres(
 
 
 def _long(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Where the longest way through the values, from the lowest to the highest, has a level."""
+    """Return the point of a level on the edge from the lowest to the highest value."""
     share = (level - v[:, 0]) / (v[:, 2] - v[:, 0])
     return p[:, 0] + share[:, None] * (p[:, 2] - p[:, 0])
 
 
 def _short(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Where the way over the middle corner has a level."""
+    """Return the point of a level on the two edges over the middle corner."""
     first = np.clip((level - v[:, 0]) / (v[:, 1] - v[:, 0]), 0.0, 1.0)
     second = np.clip((level - v[:, 1]) / (v[:, 2] - v[:, 1]), 0.0, 1.0)
     before = (level <= v[:, 1])[:, None]

@@ -151,7 +151,7 @@ def _textile(part: CompactionPart, formed: FormedPart, directory: Path) -> Local
         setup, closure = _set_up(formed, directory / part.case)
         if closure is None:
             raise InputError(
-                f"has no [closure], which says what presses; give it in {part.case}",
+                f"has no [closure], so that nothing presses the textile; give one in {part.case}",
                 key="part.case",
             )
         return begin(setup.part, FillingPart(setup.filling()), closure).solid

@@ -34,6 +34,7 @@ from lcmchain.coupling.cosimulation.start_values import (
     Configuration,
     configure,
     start_values,
+    value_text,
     with_declared_units,
 )
 from lcmchain.coupling.cosimulation.system_file import System
@@ -243,7 +244,7 @@ class _Writer:
     ) -> None:
         parameter = SubElement(parameters, f"{SSV}Parameter", name=name)
         kind = SubElement(parameter, f"{SSV}{self._type(variable)}")
-        texts = [_text(variable, entry) for entry in entries]
+        texts = [value_text(variable, entry) for entry in entries]
         if variable.is_text and len(texts) > 1:
             for text in texts:
                 SubElement(kind, f"{SSV}Value", value=text)
@@ -272,12 +273,6 @@ class _Writer:
         if variable.is_real and variable.unit is not None:
             element.set("unit", variable.unit.name)
             self.measures.setdefault(variable.unit.name, variable.unit)
-
-
-def _text(variable: Variable, value: Any) -> str:
-    if variable.kind in TRUTHS:
-        return str(bool(value)).lower()
-    return repr(float(value)) if variable.is_real else str(value)
 
 
 def _connections(structure: Element, system: System, units: _Units) -> None:
