@@ -1,11 +1,13 @@
-"""Exchange between forming and the fluid: permeability, and what couples them.
+"""Coupling of forming and resin: permeability, filling, and the exchange between both.
 
 ::
 
     forming.nc ─▶ forming_fields ─▶ permeability ─▶ infiltration: a formed part fills with resin
-    closing: bag, tools, press ─▶ solids ◀──▶ iteration ◀──▶ filling_part (infiltration)
-    wet_forming: forming and resin at once
-    cosimulation: units of FMI as parts;  precice_adapter: parts as participants of preCICE
+    mould: a part is pressed while it fills = solids ◀── iteration ──▶ filling_part (infiltration)
+    wet_forming: forming and resin at once  = solids ◀── iteration ──▶ filling_part (infiltration)
+    cosimulation: FMI units as parts;  precice_adapter: parts as participants of preCICE
 
-``iteration`` brings two parts to agree in time windows and knows none of them.
+- ``permeability`` has the laws of aligned fibres, ``measured_permeability`` those of measured
+  textiles. Both give ``principal_permeability``.
+- ``iteration`` makes two parts agree in time windows. It depends on neither of them.
 """

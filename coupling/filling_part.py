@@ -1,4 +1,4 @@
-"""A filling as the fluid side of a coupling: volume rates in, pore pressures out."""
+"""A filling as the fluid side of a coupling: it takes volumes and gives pore pressures."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.flow.state import FillingState
 from lcmchain.coupling.iteration.interface import (
+    POINTS,
     PORE_PRESSURE,
     PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
@@ -21,15 +22,22 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE_SLOPE,
     Fields,
     PartFailed,
+    checked_field,
+    selected_fields,
 )
-from lcmchain.coupling.solids.fields import POINTS, checked, chosen
 from lcmchain.errors import InputError, SimulationError
 
 
 class SavedFilling(NamedTuple):
-    """State of a :class:`FillingPart`: of the filling, inputs that were set last, last answers.
+    """State of a :class:`FillingPart`.
 
-    clock : as of :attr:`FillingPart.clock`.
+    Parameters
+    ----------
+    state : of the filling.
+    inputs : that were set last, by name.
+    mean_pressure : over the last step (C,) [Pa], not a number where the pressure moves no volume.
+    resisted : pressure by the solid's resistance in the last step (C,) [Pa].
+    clock : see :attr:`FillingPart.clock`.
     """
 
     state: FillingState
@@ -42,25 +50,28 @@ class SavedFilling(NamedTuple):
 class FillingPart:
     """A filling whose cells are those of the solid; a ``CoupledPart``.
 
-    It takes what the solid's volume becomes, by either of ``volume`` (C,) [m³], that at the end of
-    the coming step, or ``volume_rate`` (C,) [m³/s], the mean over it; the volume leaves no sum of
-    small disagreements behind. With ``points`` (3 N,) [m], where the nodes will be, a cell first
-    keeps its volume when they move and then changes it at that rate, so that it has the volume of
-    the solid at the end.
+    Inputs:
 
-    With ``volume_rate_slope`` (C,) [m³/(s Pa)] and ``reference_pressure`` (C,) [Pa] the rate
-    follows the pressure that the filling finds, the fixed-stress split; the pressure of such cells
-    is the mean over the last step, so that both sides have the same volume when they agree on it.
-    It gives ``pore_pressure`` (C,) [Pa], the mean over the corners of a cell by their areas: of the
-    resin where their control volumes are full, else of the air; and ``pressure_at_rest``, with the
-    solid's ``pore_resistance`` (C,) [Pa s/m³] times the rate added.
+    - ``volume`` (C,) [m³] of the solid at the end of the next step, or ``volume_rate`` (C,) [m³/s],
+      its mean rate over the step. With the volume, small differences do not add up over time.
+    - ``points`` (3 N,) [m], the positions of the nodes at the end of the step. When they move a
+      cell first keeps its volume, then changes it at the rate, so that it has the volume of the
+      solid at the end.
+    - ``volume_rate_slope`` (C,) [m³/(s Pa)] and ``reference_pressure`` (C,) [Pa] make the rate
+      depend on the pressure of the filling (fixed-stress split). The pressure of such cells is the
+      mean over the last step, so that both sides have the same volume when they agree on it.
+    - ``pore_resistance`` (C,) [Pa s/m³] of the solid, for the pressure at rest.
+
+    Outputs are ``pore_pressure`` (C,) [Pa], the mean over the corners of a cell weighted by their
+    areas, of the resin in full control volumes and else of the air; and ``pressure_at_rest``, which
+    adds the resistance times the rate.
 
     Parameters
     ----------
     filling : on a mesh with the solid's cells in their order.
-    pace : how much the filling's clock runs faster than the solid's, whose process may be computed
-        in less time than it takes.
     on_step : called after every time step of the filling.
+    pace : time of the filling per time of the solid, whose process may be computed in less time
+        than it takes.
     """
 
     inputs = (VOLUME, VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE, POINTS)
@@ -81,16 +92,16 @@ class FillingPart:
                 key="flow_medium",
             )
         self.filling, self.on_step = filling, on_step
-        #: When the present pace began, by the solid's clock and by the filling's [s]; the pace.
+        #: Begin of the present pace by the clocks of the solid and of the filling [s]; the pace.
         self.clock = (0.0, 0.0, float(pace))
         #: Outcome and message of the last step (:class:`.state.FillingResult`).
         self.ended = ("reached", "")
-        # a window ends where the solid is, whether anything flows or not
+        # a window ends at the time of the solid, whether resin flows or not
         filling.options = replace(filling.options, stop_when_idle=False)
         self._start_anew()
 
     def _start_anew(self) -> None:
-        """Forget what was given, and what the last step has brought."""
+        """Forget the inputs and the results of the last step."""
         none = np.zeros(self.filling.mesh.cell_count)
         names = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
         self._given = dict.fromkeys(names, none) | {POINTS: self.filling.state.points.ravel()}
@@ -100,23 +111,23 @@ class FillingPart:
     @property
     def time(self) -> float:
         """Present time of the solid's clock [s]."""
-        begin, own_begin, pace = self.clock
-        return begin + (self.filling.time - own_begin) / pace
+        begin, filling_begin, pace = self.clock
+        return begin + (self.filling.time - filling_begin) / pace
 
     @property
     def pace(self) -> float:
-        """How much the filling's clock runs faster than the solid's at present."""
+        """Present time of the filling per time of the solid."""
         return self.clock[2]
 
     def go_on_at(self, pace: float, time: float) -> None:
-        """Go on at another pace from now on, when the solid's clock shows a time [s]."""
+        """Go on at another pace from now, which is ``time`` [s] by the solid's clock."""
         self.clock = (float(time), float(self.filling.time), float(pace))
 
     def follow(self, volume: np.ndarray, points: np.ndarray) -> None:
-        """Take volumes (C,) [m³] and points (N, 3) [m] that the solid has come to meanwhile.
+        """Take volumes (C,) [m³] and points (N, 3) [m] that the solid has reached alone.
 
-        The filling's clock stands: resin stays in its control volume. Where the pores have become
-        larger, air has come in.
+        The time of the filling does not go on: resin stays in its control volume. Pores that have
+        become larger take air.
 
         Raises
         ------
@@ -138,7 +149,7 @@ class FillingPart:
         ------
         PartFailed : the filling cannot do it.
         """
-        filling, given, span, begin = self.filling, self._given, step * self.pace, self.time
+        filling, given, duration, begin = self.filling, self._given, step * self.pace, self.time
         before = self.volume()
         change = given[VOLUME] - before if VOLUME in given else given[VOLUME_RATE] * step
         points = given[POINTS].reshape(-1, 3)
@@ -146,16 +157,16 @@ class FillingPart:
             if not np.array_equal(points, filling.state.points):
                 filling.carry_to(points)
             area = filling.mesh.areas
-            start, rate = before / area, change / (area * span)
+            start, rate = before / area, change / (area * duration)
             lift = given[VOLUME_RATE_SLOPE] / (area * self.pace)
             filling.set_thickness(start, rate, lift, given[REFERENCE_PRESSURE])
-            self.ended = filling.advance(filling.time + span, self.on_step)
+            self.ended = filling.advance(filling.time + duration, self.on_step)
         except SimulationError as error:
             raise PartFailed(
                 str(error), time=begin, step=step, inputs={VOLUME_RATE: change / step}
             ) from error
-        lifted = filling.state.thickness - start - span * rate
-        slope = np.where(lift > 0.0, span * lift, np.nan)
+        lifted = filling.state.thickness - start - duration * rate
+        slope = np.where(lift > 0.0, duration * lift, np.nan)
         self._mean = given[REFERENCE_PRESSURE] + lifted / slope
         self._resisted = given[RESISTANCE] * (self.volume() - before) / step
 
@@ -171,16 +182,15 @@ class FillingPart:
         self.filling.restore(saved.state)
         self._given = {name: values.copy() for name, values in saved.inputs.items()}
         self._mean, self._resisted = saved.mean_pressure.copy(), saved.resisted.copy()
-        begin, own_begin, pace = saved.clock
-        self.clock = (begin, own_begin, pace)
+        begin, filling_begin, pace = saved.clock
+        self.clock = (begin, filling_begin, pace)
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
-        """Take inputs.
+        """Set inputs.
 
         Raises
         ------
-        InputError : another name, volumes and their rates, a wrong number of values, or one that is
-            no number.
+        InputError : another name, a wrong number of values, or a value that is no number.
         """
         for name, values in fields.items():
             if name not in self.inputs:
@@ -188,7 +198,7 @@ class FillingPart:
                     f'"{name}" is no input of a filling; it takes {", ".join(self.inputs)}'
                 )
             size = self._given[POINTS].size if name == POINTS else self.filling.mesh.cell_count
-            self._given[name] = checked(name, values, size)
+            self._given[name] = checked_field(name, values, size)
             if name == VOLUME_RATE:
                 self._given.pop(VOLUME, None)
 
@@ -199,16 +209,16 @@ class FillingPart:
         ------
         InputError : a name that is no output.
         """
-        found = {
+        outputs = {
             PORE_PRESSURE: self.pressure(),
             PRESSURE_AT_REST: self.pressure() + self._resisted,
             THICKNESS: self.filling.state.thickness,
             VOLUME: self.volume(),
         }
-        return chosen(names, found)
+        return selected_fields(names, outputs)
 
     def pressure(self) -> np.ndarray:
-        """Return the pressure of each cell (C,) [Pa]: over the last step where it lifts, or now."""
+        """Return the pressure of each cell (C,) [Pa]: the mean where it lifts a cell, else now."""
         return np.where(np.isnan(self._mean), self.present_pressure(), self._mean)
 
     def present_pressure(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A forming result with what a fluid needs of it: the permeability of the formed textile."""
+"""Forming results with the permeability of the formed textile, which a fluid needs."""
 
 from __future__ import annotations
 
@@ -29,8 +29,7 @@ def forming_datasets(
     Parameters
     ----------
     snapshots : saved frames, the first of them the start.
-    state : what became of the run (:mod:`lcmchain.results.state`), the global attribute of that
-        name.
+    state : of the run (:mod:`lcmchain.results.state`), written as the global attribute ``state``.
     """
     model = simulation.model
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)
@@ -40,7 +39,7 @@ def forming_datasets(
 
 
 def with_permeability(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return the groups of ``forming.nc`` with the permeabilities that the scene asks for."""
+    """Return the groups of ``forming.nc`` with the permeabilities of the scene's law, if any."""
     if scene.permeability is None:
         return datasets
     fields = permeability_fields(scene.permeability, datasets["/"], scene.source.directory)
@@ -64,15 +63,15 @@ def permeability_fields(
     ]
     frames = range(len(fraction))
     normal = np.stack([face_normals(sheet, frame) for frame in frames]).reshape(-1, 3)
-    found = principal_permeabilities(
+    principal = principal_permeabilities(
         law, fraction.ravel(), *families, normal=normal, out_of_range="nan", directory=directory
     )
     fields: dict[str, np.ndarray | tuple[np.ndarray, dict[str, str]]] = {}
     for number in (1, 2, 3):
-        values = getattr(found, f"k{number}").reshape(fraction.shape)
+        values = getattr(principal, f"k{number}").reshape(fraction.shape)
         field = FIELDS[f"permeability_{number}"]
         attributes = field.attributes(field.name) | {"long_name": f"{field.long_name} ({law.law})"}
-        axes = getattr(found, f"direction_{number}").reshape(*fraction.shape, 3)
+        axes = getattr(principal, f"direction_{number}").reshape(*fraction.shape, 3)
         fields[field.name] = values, attributes
         fields[f"permeability_direction_{number}"] = axes
     return fields

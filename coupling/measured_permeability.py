@@ -1,8 +1,8 @@
-"""Measured bulk permeability of a textile, and how it follows the fibres as they shear.
+"""Measured bulk permeability of a textile, and its change as the fibres shear.
 
-The flow in a textile whose tows leave gaps runs mostly in the gaps, and no law of the fibres alone
-gives its permeability: it is measured. A measurement gives principal values of the flat textile
-over the fibre volume fraction, and the direction of the first axis.
+In a textile with gaps between its tows most of the flow runs in the gaps, so that its permeability
+does not follow from the fibres: it is measured. A measurement gives principal values of the flat
+textile over the fibre volume fraction, and the direction of the first axis.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +18,7 @@ from lcmchain.coupling.principal_permeability import PrincipalPermeabilities, un
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, read_coupon
 from lcmchain.quantities.units import PERMEABILITY, Dimension
+from lcmchain.scene import permeability as tables
 
 _FRACTION = Dimension("fibre volume fraction", "1", "55 %", ("%", "1"), 1e-3, 1.0)
 _COLUMNS = (
@@ -67,7 +67,7 @@ class MeasuredPermeability:
         """
         v = np.asarray(fibre_volume_fraction, dtype=float)
         low, high = self.limits
-        # A bound that arithmetic has moved by rounding is still the measured one.
+        # a value beyond a bound by rounding is still within
         rounding = 1e-9
         outside = (v < low - rounding) | (v > high + rounding) | (v <= 0.0) | (v >= 1.0)
         name = f'the measured permeability ("{self.law}")'
@@ -75,7 +75,7 @@ class MeasuredPermeability:
         return np.exp(self.logarithms(v))
 
     def factor(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Mean permeability in the plane at a fibre volume fraction over that at another."""
+        """Return the mean permeability in the plane at fibre volume fractions over that before."""
         return self.values(now)[:2].sum(axis=0) / self.values(before)[:2].sum(axis=0)
 
     def principal(
@@ -88,19 +88,19 @@ class MeasuredPermeability:
     ) -> PrincipalPermeabilities:
         """Principal permeabilities of the sheared textile.
 
-        The tensor of the flat textile at the present fibre volume fraction is carried along by the
-        fibres, K = sum K_ij a_i a_j with its components K_ij in the axes of the unsheared fibres
-        and the present unit vectors a_i. The sum of both values in the plane is kept; for K1 = K2
-        the axes lie on the bisectors and the values are as (1 + sin) : (1 - sin) of the shear
-        angle, as for two plies of aligned fibres. It is a rule, not a measurement: tests on sheared
-        fabrics turn and stretch in this sense (C.-L. Lai, W.-B. Young, Polymer Composites 18 (1997)
-        642) but by amounts of their own.
+        The fibres carry the tensor of the flat textile at the present fibre volume fraction along:
+        K = sum K_ij a_i a_j, with its components K_ij in the axes of the unsheared fibres and the
+        present unit vectors a_i. The sum of both values in the plane does not change. For K1 = K2
+        the axes lie on the bisectors, and the values have the ratio (1 + sin) : (1 - sin) of the
+        shear angle, as for two plies of aligned fibres. This is a rule, not a measurement: the
+        tensors of sheared fabrics turn and stretch in this sense (C.-L. Lai, W.-B. Young, Polymer
+        Composites 18 (1997) 642), but by other amounts.
 
         Parameters
         ----------
         fibre_volume_fraction : shape (C,).
         fibre_direction_1, fibre_direction_2 : unit vectors (C, 3). Their signs matter only for an
-            ``angle`` other than 0 and 90°: then both as forming writes them.
+            ``angle`` other than 0 and 90°; then they must be those that forming writes.
         """
         k1, k2, k3 = self.values(fibre_volume_fraction, out_of_range=out_of_range)
         a1 = np.asarray(fibre_direction_1, dtype=float)
@@ -125,8 +125,10 @@ class MeasuredPermeability:
         )
 
 
-def measured_law(entry: Any, directory: Path | None = None) -> MeasuredPermeability:
-    """Return the law of a scene's ``permeability`` entry; files are relative to a folder.
+def measured_law(entry: tables.Permeability, directory: Path | None = None) -> MeasuredPermeability:
+    """Return the law of a scene's ``permeability`` entry, which must be a measured one.
+
+    directory : folder to which files are relative.
 
     Raises
     ------
@@ -159,15 +161,15 @@ def read_permeabilities(
     for name in names:
         for row in np.flatnonzero(data[name] <= 0.0)[:1]:
             raise data.wrong(name, row, f"{data[name][row]:g} is not positive")
-    places, heights = np.log(fraction), [np.log(data[name]) for name in names]
+    log_fraction, log_values = np.log(fraction), [np.log(data[name]) for name in names]
 
     def logarithms(v: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(np.log(v), places, height) for height in heights])
+        return np.stack([np.interp(np.log(v), log_fraction, values) for values in log_values])
 
     return MeasuredPermeability(law, logarithms, (fraction[0], fraction[-1]), angle)
 
 
-def _constant(entry: Any, directory: Path) -> MeasuredPermeability:
+def _constant(entry: tables.ConstantPermeability, directory: Path) -> MeasuredPermeability:
     return MeasuredPermeability(
         entry.law,
         lambda v: np.stack([np.full(v.shape, start) + 0.0 * v for start in _logs(entry)]),
@@ -176,15 +178,21 @@ def _constant(entry: Any, directory: Path) -> MeasuredPermeability:
     )
 
 
-def _power(entry: Any, directory: Path) -> MeasuredPermeability:
+def _power(entry: tables.PowerPermeability, directory: Path) -> MeasuredPermeability:
     return _by_slope(entry, entry.exponents, lambda v: np.log(v / entry.fibre_volume_fraction))
 
 
-def _exponential(entry: Any, directory: Path) -> MeasuredPermeability:
+def _exponential(entry: tables.ExponentialPermeability, directory: Path) -> MeasuredPermeability:
     return _by_slope(entry, entry.rates, lambda v: v - entry.fibre_volume_fraction)
 
 
-def _by_slope(entry: Any, slopes: tuple[float, ...], over: Callable) -> MeasuredPermeability:
+def _by_slope(
+    entry: tables.PowerPermeability | tables.ExponentialPermeability,
+    slopes: tuple[float, ...],
+    over: Callable[[np.ndarray], np.ndarray],
+) -> MeasuredPermeability:
+    """Return a law whose logarithms fall linearly, by ``slopes``, over a function of v."""
+
     def logarithms(v: np.ndarray) -> np.ndarray:
         return np.stack(
             [start - slope * over(v) for start, slope in zip(_logs(entry), slopes, strict=True)]
@@ -195,15 +203,17 @@ def _by_slope(entry: Any, slopes: tuple[float, ...], over: Callable) -> Measured
     )
 
 
-def _table(entry: Any, directory: Path) -> MeasuredPermeability:
+def _table(entry: tables.TablePermeability, directory: Path) -> MeasuredPermeability:
     return read_permeabilities(directory / entry.file, law=entry.law, angle=entry.angle)
 
 
-def _logs(entry: Any) -> tuple[float, ...]:
+def _logs(
+    entry: tables.ConstantPermeability | tables.PowerPermeability | tables.ExponentialPermeability,
+) -> tuple[float, ...]:
     return tuple(float(np.log(value)) for value in (entry.k1, entry.k2, entry.k3))
 
 
-_LAWS: dict[str, Callable[[Any, Path], MeasuredPermeability]] = {
+_LAWS: dict[str, Callable[..., MeasuredPermeability]] = {
     "constant": _constant,
     "power": _power,
     "exponential": _exponential,

@@ -2,9 +2,9 @@
 
 Laws for aligned fibres give the permeability along and across the fibres as a function of the
 fibre volume fraction; a textile's principal permeabilities follow from its fibre families.
-The laws describe the flow between the fibres. In textiles whose tows leave gaps, as non-crimp
-fabrics do, the gaps carry most of the flow: the bulk permeability can be ten times larger, and a
-measured law (:mod:`lcmchain.coupling.measured_permeability`) should replace these.
+The laws describe the flow between the fibres. In textiles with gaps between their tows, such as
+non-crimp fabrics, the gaps carry most of the flow: the bulk permeability can be ten times larger,
+and a measured law (:mod:`lcmchain.coupling.measured_permeability`) should be used instead.
 """
 
 from __future__ import annotations
@@ -74,18 +74,18 @@ class PermeabilityLaw:
 
     @property
     def in_words(self) -> str:
-        """Name of the law with what its range depends on, for messages."""
+        """Name of the law, with the packing where its range depends on it, for messages."""
         return self.law + (f" with {self.packing} packing" if self.law == "gebart" else "")
 
     @property
     def advice(self) -> str:
-        """What to do about fibres packed too densely, for messages."""
+        """Remedy for fibres that are packed too densely, for messages."""
         if self.law == "gebart" and self.packing == "quadratic":
             return "; choose hexagonal packing, which reaches 0.907, or a softer compaction law"
         return ""
 
     def factor(self, now: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Mean permeability in the plane at a fibre volume fraction over that at another."""
+        """Return the mean permeability in the plane at fibre volume fractions over that before."""
         later, earlier = (np.sum(aligned_permeabilities(self, v), axis=0) for v in (now, before))
         return later / earlier
 
@@ -104,7 +104,7 @@ class PermeabilityLaw:
         a1 = np.asarray(fibre_direction_1, dtype=float)
         a2 = np.asarray(fibre_direction_2, dtype=float)
         normal = np.cross(a1, a2)
-        # One sign for both, so that their angle is at most a right one and the sum bisects it.
+        # signs for which the angle is at most a right one, so that the sum bisects it
         cosine = np.einsum("ci,ci->c", a1, a2)
         a2 = np.where(cosine[:, None] < 0.0, -a2, a2)
         cosine = np.abs(cosine)

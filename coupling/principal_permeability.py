@@ -1,4 +1,4 @@
-"""Principal permeabilities and their axes, and the range of a law that gives them."""
+"""Principal permeabilities with their axes, and the check of a law's range."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from lcmchain.errors import InputError
 class PrincipalPermeabilities(NamedTuple):
     """Principal permeabilities [m2], each (C,), and their directions, each (C, 3).
 
-    ``k1`` is the larger one in the plane of the sheet, ``k2`` the smaller one, ``k3`` the one
-    through the thickness; ``direction_1``, ``direction_2``, ``direction_3`` are unit vectors
-    whose sign has no meaning. They form a right-handed frame, the third as fibre 1 turns to 2.
+    Parameters
+    ----------
+    k1, k2 : the larger and the smaller one in the plane of the sheet.
+    k3 : through the thickness.
+    direction_1, direction_2, direction_3 : unit vectors whose sign has no meaning. They form a
+        right-handed frame; the third one is the axis about which fibre 1 turns to fibre 2.
     """
 
     k1: np.ndarray
@@ -26,7 +29,7 @@ class PrincipalPermeabilities(NamedTuple):
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (C, 3) of length one; not a number where they have no length."""
+    """Return vectors (C, 3) of length one; not a number for vectors of length zero."""
     length = np.linalg.norm(vectors, axis=1)
     return vectors / np.where(length > 0.0, length, np.nan)[:, None]
 
@@ -40,12 +43,20 @@ def within(
     out_of_range: str,
     advice: str = "",
 ) -> np.ndarray:
-    """Return fibre volume fractions with not-a-number where they are outside; never clamped.
+    """Return fibre volume fractions, not a number where they are outside of a law's range.
+
+    Parameters
+    ----------
+    outside : whether a value is outside, of the shape of ``fraction``.
+    limits : of the range.
+    name : of the law, for messages.
+    out_of_range : ``"raise"`` or ``"nan"``.
+    advice : on values above the range.
 
     Raises
     ------
-    InputError : something is outside and ``out_of_range`` is ``"raise"``; names the first cells
-        and the worst value.
+    InputError : a value is outside and ``out_of_range`` is ``"raise"``; names the first cells and
+        the worst value.
     """
     if out_of_range == "raise" and np.any(outside):
         low, high = limits

@@ -12,9 +12,9 @@
 - ``archive`` unpacks a unit, ``description`` says what it is, with each ``variable`` and its
   ``physical_units``.
 - ``assembly`` loads the units, sets their ``start_values``, joins them by ``connections`` (those of
-  terminals by ``terminal_links``), and finds values at the start (``initialization``).
-- ``part`` is a unit as the coupling sees it; ``instance`` says what it asks of one. It runs in this
-  process (``library_instance``) or in one of its own (``process_instance``, whose other side is
-  ``unit_process``), which may crash or hang without taking the master.
+  terminals by ``terminal_links``), and initialises them.
+- ``part`` is a unit as the coupling sees it, ``instance`` the calls that it needs. A unit runs in
+  this process (``library_instance``) or in one of its own (``process_instance``), which may crash
+  or hang without taking the master.
 - ``run`` goes from the begin to the end, with checkpoints and ``stopping`` by Ctrl-C.
 """

@@ -1,7 +1,7 @@
-"""Archives and XML from elsewhere: unpacked and parsed without trusting what they say.
+"""Archives and XML from elsewhere: unpacked and parsed without trusting them.
 
-An FMU and an SSP are ZIP archives. Nothing leaves the folder, no link and no device is made, what
-is written is counted, and XML that declares entities is not parsed at all.
+An FMU and an SSP are ZIP archives. Nothing is written outside of the folder, no link and no device
+is made, the bytes written are counted, and XML that declares entities is not parsed at all.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from xml.parsers import expat
 from lcmchain.errors import InputError, shortened
 
 #: Bytes that are copied at a time.
-PIECE = 1 << 20
+CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ LIMITS = Limits()
 
 
 def unpack(path: Path | str, folder: Path | str, limits: Limits = LIMITS) -> Path:
-    """Unpack an archive into a new or empty folder; nothing is left in it after an error.
+    """Unpack an archive into a new or empty folder; an error leaves nothing in it.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def read_member(path: Path | str, name: str, limits: Limits = LIMITS) -> bytes:
                 f"{limits.xml:,} are not read",
                 file=path,
             )
-        return b"".join(_pieces(archive, entry, path))
+        return b"".join(_chunks(archive, entry, path))
 
 
 def read_xml(content: bytes, file: Path | str, limits: Limits = LIMITS) -> ElementTree.Element:
@@ -132,7 +132,7 @@ def read_xml(content: bytes, file: Path | str, limits: Limits = LIMITS) -> Eleme
 
 
 def _undeclared(content: bytes, error: str) -> str:
-    """Return which prefixes a document uses without their namespaces, where that is its fault."""
+    """Return advice where a document uses a prefix without its namespace; else an empty text."""
     if "unbound prefix" not in error:
         return ""
     used = dict.fromkeys(re.findall(rb"<([A-Za-z][\w.-]*):", content))
@@ -166,7 +166,7 @@ def _opened(path: Path) -> zipfile.ZipFile:
 
 
 def _checked(archive: zipfile.ZipFile, path: Path, limits: Limits) -> list[zipfile.ZipInfo]:
-    """Return the entries, all of which may be unpacked as far as their names and sizes tell."""
+    """Return the entries; refuse them by name and size before anything is unpacked."""
     entries = archive.infolist()
     if len(entries) > limits.entries:
         raise InputError(
@@ -182,11 +182,11 @@ def _checked(archive: zipfile.ZipFile, path: Path, limits: Limits) -> list[zipfi
     files: set[PurePosixPath] = set()
     for entry in entries:
         reason = _refusal(entry, limits)
-        place = PurePosixPath(entry.filename)
+        inner = PurePosixPath(entry.filename)
         if reason is None and not entry.is_dir():
-            reason = "stands in it twice" if place in seen else None
-            files.add(place)
-        seen.add(place)
+            reason = "stands in it twice" if inner in seen else None
+            files.add(inner)
+        seen.add(inner)
         if reason is not None:
             raise _refused(entry, reason, path)
     for entry in entries:
@@ -198,14 +198,14 @@ def _checked(archive: zipfile.ZipFile, path: Path, limits: Limits) -> list[zipfi
 def _refusal(entry: zipfile.ZipInfo, limits: Limits) -> str | None:
     """Return why an entry must not be unpacked, None where it may."""
     name = entry.orig_filename
-    place = PurePosixPath(entry.filename)
+    inner = PurePosixPath(entry.filename)
     if "\0" in name or "\\" in name:
         return "has a name with characters that no path in an archive has"
-    if place.is_absolute() or ".." in place.parts or ":" in (place.parts or ("",))[0]:
+    if inner.is_absolute() or ".." in inner.parts or ":" in (inner.parts or ("",))[0]:
         return "would lie outside of the folder"
-    if not place.parts:
+    if not inner.parts:
         return "has no name"
-    if len(place.parts) > limits.depth:
+    if len(inner.parts) > limits.depth:
         return f"lies more than {limits.depth} folders deep"
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in (0, stat.S_IFREG, stat.S_IFDIR):
@@ -240,23 +240,23 @@ def _write(
                 continue
             target.parent.mkdir(parents=True, exist_ok=True)
             with open(target, "xb") as file:
-                for piece in _pieces(archive, entry, path):
-                    left -= len(piece)
-                    if left < 0:  # the sizes in its directory were wrong
+                for chunk in _chunks(archive, entry, path):
+                    left -= len(chunk)
+                    if left < 0:  # the sizes that it states are wrong
                         raise InputError(
                             f"unpacks to more than {limits.total:,} bytes, which are refused",
                             file=path,
                         )
-                    file.write(piece)
+                    file.write(chunk)
         except OSError as error:
             raise _refused(entry, f"cannot be written ({error.strerror or error})", path) from None
 
 
-def _pieces(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, path: Path) -> Iterator[bytes]:
+def _chunks(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, path: Path) -> Iterator[bytes]:
     try:
         with archive.open(entry) as member:
-            while piece := member.read(PIECE):
-                yield piece
+            while chunk := member.read(CHUNK):
+                yield chunk
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
         raise _refused(entry, f"is damaged or packed in an unknown way ({error})", path) from None
 
@@ -269,7 +269,7 @@ class _Refused(Exception):
 
 
 def _require_plain(content: bytes, file: Path | str, limits: Limits) -> None:
-    """Go through a document without building anything of it; stop at the first thing refused."""
+    """Go through a document without building anything; stop at the first thing that is refused."""
     parser = expat.ParserCreate()
     depth = 0
 

@@ -1,4 +1,4 @@
-"""From the file of a system to units that are loaded, connected and initialised."""
+"""Assembles a system from its file: units loaded, connected and initialised."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
-from lcmchain.coupling.cosimulation.connections import Lines, Link, loops_of, resolve
+from lcmchain.coupling.cosimulation.connections import Lines, Link, initialise, loops_of, resolve
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
-from lcmchain.coupling.cosimulation.initialization import initialise
 from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.process_instance import new_instance
@@ -24,6 +23,7 @@ from lcmchain.coupling.cosimulation.start_values import (
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.system_file import SchemeEntry, System, UnitEntry, WindowEntry
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
+from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,
@@ -63,7 +63,7 @@ def scheme_of(entry: SchemeEntry) -> Scheme:
 
 
 def windows_of(entry: WindowEntry) -> WindowControl:
-    """Return how the windows are led."""
+    """Return the control of the window sizes."""
     return WindowControl(
         entry.size, smallest=entry.smallest, largest=entry.largest, residual=entry.residual
     )
@@ -103,22 +103,26 @@ def extrapolation_of(entry: SchemeEntry) -> int:
 
 #: Takes a line for the log.
 Log = Callable[[str], None]
+#: Variables of a unit and their start values (n,).
+_Settings = list[tuple[Variable, VariableValues]]
 
-#: What the name of the tool that made a unit begins with where it is one of this program.
+#: Begin of the generation tool of units that this program made.
 OWN_TOOL = "lcmchain "
-#: Wall-clock time that a step of a unit in a process of its own may take if nothing is said [s].
+#: Wall-clock time that a step of a unit in a process of its own may take by default [s].
 STEP_LIMIT = 3600.0
 
 
 @dataclass
 class Assembly:
-    """A system whose units are initialised; a context that ends and frees them.
+    """A system whose units are initialised; a context that terminates and frees them.
 
     Parameters
     ----------
-    parts : by name. coupled : goes through time. lines : what changes in jumps.
+    parts : units by name.
+    coupled : the system that advances in time.
+    lines : connections of values that change in jumps.
     loops : iterations of the algebraic loops of the initialisation, by their connections.
-    remarks : what the user should know.
+    remarks : messages for the user.
     requests : to stop, which end calls into units in processes of their own.
     """
 
@@ -156,7 +160,8 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
 
     Parameters
     ----------
-    folder : an empty one to unpack into; it has to be there until the assembly is closed.
+    folder : an empty one to unpack into; it is needed until the assembly is closed.
+    log : takes messages of units and remarks.
 
     Raises
     ------
@@ -209,11 +214,11 @@ def assemble(system: System, folder: Path, log: Log) -> Assembly:
 
 
 def _lines_of(links: list[Link], order: list[str], system: System) -> Lines:
-    """Return what changes in jumps.
+    """Return the connections of values that change in jumps.
 
     Raises
     ------
-    InputError : it is to be iterated, and none of it leads back.
+    InputError : they are to be iterated, and none of them leads back.
     """
     scheme = system.scheme
     lines = Lines(
@@ -241,7 +246,10 @@ def _loaded(
     remarks: list[str],
     requests: StopRequests,
 ) -> FmuPart:
-    """Return a unit with its instance; an archive that two units share is unpacked once."""
+    """Return a unit with its instance; an archive of several units is unpacked once.
+
+    unpacked : folder and hash of archives by their paths, which it adds to.
+    """
     begin = clock.perf_counter()
     file = system.directory / entry.fmu
     if not file.is_file():
@@ -252,11 +260,11 @@ def _loaded(
         )
     key = str(file.resolve())
     if key not in unpacked:
-        place = folder / f"unit_{len(unpacked)}"
-        unpack(file, place)
-        unpacked[key] = place, sha256_of(file)
-    place, sha256 = unpacked[key]
-    description = read_description(place, file)
+        target = folder / f"unit_{len(unpacked)}"
+        unpack(file, target)
+        unpacked[key] = target, sha256_of(file)
+    unit_folder, sha256 = unpacked[key]
+    description = read_description(unit_folder, file)
     with_declared_units(entry.name, description, entry.quantities, system.measures)
     description, configuration = configure(entry.name, description, entry.start)
     remarks += [f'unit "{entry.name}": {text}' for text in description.remarks]
@@ -272,7 +280,7 @@ def _loaded(
     apart = runs_apart(entry, description)
     try:
         instance = new_instance(
-            description, place, name, take, debug=entry.debug, apart=apart,
+            description, unit_folder, name, take, debug=entry.debug, apart=apart,
             limit=entry.step_limit or STEP_LIMIT, requests=requests,
         )  # fmt: skip
     except CallFailed as failure:
@@ -284,7 +292,7 @@ def _loaded(
 
 
 def runs_apart(entry: UnitEntry, description: UnitDescription) -> bool:
-    """Whether a unit gets a process of its own: those by others do, if nothing else is said.
+    """Whether a unit gets a process of its own: by default those of other tools do.
 
     Raises
     ------
@@ -301,7 +309,7 @@ def runs_apart(entry: UnitEntry, description: UnitDescription) -> bool:
 
 
 def _changed(link: Link) -> str:
-    """Return in words what a connection does to a value; nothing where it does nothing."""
+    """Return in words how a connection converts a value; empty where it does not."""
     change = link.conversion
     if change.is_identity:
         return ""
@@ -310,32 +318,33 @@ def _changed(link: Link) -> str:
 
 
 def _tell_lost_values(
-    parts: dict[str, FmuPart], settings: list, links: list[Link], remarks: list[str]
+    parts: dict[str, FmuPart], settings: list[_Settings], links: list[Link], remarks: list[str]
 ) -> None:
-    """Tell of arrays that have another size than in the unit as exported, and no values."""
-    for part, values in zip(parts.values(), settings):
-        known = {variable.name for variable, _ in values}
+    """Add remarks on arrays that were resized and have no values any more."""
+    for part, part_settings in zip(parts.values(), settings):
+        known = {variable.name for variable, _ in part_settings}
         known |= {link.input.name for link in links if link.target is part}
-        told = without_values(part.description, part.configuration, known)
-        remarks += [f'unit "{part.name}": {text}' for text in told]
+        sentences = without_values(part.description, part.configuration, known)
+        remarks += [f'unit "{part.name}": {text}' for text in sentences]
 
 
-def _set_up(part: FmuPart, values: list, system: System) -> None:
-    wanted = part.configuration.settings
+def _set_up(part: FmuPart, settings: _Settings, system: System) -> None:
+    """Set structural parameters, experiment and start values of a unit."""
+    sizes = part.configuration.settings
     try:
-        if wanted:
-            part.instance.configure(wanted)
+        if sizes:
+            part.instance.configure(sizes)
     except CallFailed as failure:
-        told = ", ".join(f"{variable.name} = {given[0]}" for variable, given in wanted)
+        listed = ", ".join(f"{variable.name} = {values[0]}" for variable, values in sizes)
         raise SimulationError(
-            f'unit "{part.name}" does not take its structural parameters ({told}): {failure}; '
+            f'unit "{part.name}" does not take its structural parameters ({listed}): {failure}; '
             "leave them out, or export the unit with these values"
         ) from failure
     try:
         part.instance.set_up(system.start_time, system.stop_time, system.unit_tolerance)
-        for variable, given in values:
-            part.instance.write(variable, given)
-            part.note(variable, given)
+        for variable, values in settings:
+            part.instance.write(variable, values)
+            part.note(variable, values)
     except CallFailed as failure:
         raise SimulationError(
             f'unit "{part.name}" does not take its start values: {failure}'
@@ -343,18 +352,18 @@ def _set_up(part: FmuPart, values: list, system: System) -> None:
 
 
 def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str]) -> None:
-    """Refuse a scheme or windows that a unit is not able to follow.
+    """Refuse a scheme or windows that a unit cannot follow; tell units whether they go back.
 
     Raises
     ------
     InputError : names the unit and what to take instead.
     """
-    window, wanted = system.window, _going_back(system)
-    seen: dict[str, str] = {}
+    window, going_back = system.window, _going_back(system)
+    shared: dict[str, str] = {}  # units in this process, by the hash of the archive
     for name, part in parts.items():
         able: UnitDescription = part.description
-        if wanted is not None and not able.can_save:
-            what, key = wanted
+        if going_back is not None and not able.can_save:
+            what, key = going_back
             raise InputError(
                 f'unit "{name}" cannot go back to an earlier state (canGetAndSetFMUstate is '
                 f'false), which {what} needs; take scheme.type = "jacobi" or "gauss-seidel" with '
@@ -367,21 +376,21 @@ def _require_able(system: System, parts: dict[str, FmuPart], remarks: list[str])
                 "(canHandleVariableCommunicationStepSize is false); leave smallest and largest out",
                 key="window",
             )
-        if able.internal_step and system.window.size < able.internal_step * (1.0 - 1e-9):
+        if able.internal_step and window.size < able.internal_step * (1.0 - 1e-9):
             remarks.append(
                 f'unit "{name}" computes in steps of {able.internal_step:g} s, longer than the '
                 f"window of {window.size:g} s: its outputs change in some windows only"
             )
-        if able.only_once and part.sha256 in seen and not part.apart:
+        if able.only_once and part.sha256 in shared and not part.apart:
             raise InputError(
-                f'units "{seen[part.sha256]}" and "{name}" are the same, of which a process can '
+                f'units "{shared[part.sha256]}" and "{name}" are the same, of which a process can '
                 "hold one only (canBeInstantiatedOnlyOncePerProcess); give one of them "
                 'process = "own"',
                 key=f"units.{name}",
             )
         if not part.apart:
-            seen[part.sha256] = name
-        part.returns = wanted is not None
+            shared[part.sha256] = name
+        part.returns = going_back is not None
 
 
 def _tell_loops_of_jumps(
@@ -391,14 +400,14 @@ def _tell_loops_of_jumps(
 
     Raises
     ------
-    InputError : there is no other loop; names the connections and what to do.
+    InputError : there is no loop that it iterates; names the connections and what to do.
     """
     in_loops = [link for group in loops_of(links) for link in group]
     jumps = [link for link in in_loops if not link.is_signal]
     curable = [link for link in jumps if link.could_be_signal]
-    place = {name: number for number, name in enumerate(order)}
+    turn = {name: number for number, name in enumerate(order)}
     iterated = any(
-        system.scheme.order == "parallel" or place[link.source.name] >= place[link.target.name]
+        system.scheme.order == "parallel" or turn[link.source.name] >= turn[link.target.name]
         for link in links
         if link.is_signal
     )
@@ -425,7 +434,7 @@ def _tell_loops_of_jumps(
 
 
 def _going_back(system: System) -> tuple[str, str] | None:
-    """Return in words what lets units go back to an earlier state, and its key; None if nothing."""
+    """Return what needs units to go back to an earlier state, and its key; None if nothing does."""
     scheme, window = system.scheme, system.window
     if not scheme.explicit:
         return f'the scheme "{scheme.type}"', "scheme.type"
@@ -438,14 +447,14 @@ def _going_back(system: System) -> tuple[str, str] | None:
 
 def _require_single(links: list[Link]) -> None:
     """Refuse two connections into one input, also where one of them sets a single value of it."""
-    taken: dict[tuple[str, str, int], str] = {}
+    connected: dict[tuple[str, str, int], str] = {}
     for link in links:
         for reference in link.input.references:
             # in FMI 2 every type counts its own references
-            place = (link.target.name, link.input.type_name, int(reference))
-            if place in taken:
+            scalar = (link.target.name, link.input.type_name, int(reference))
+            if scalar in connected:
                 raise InputError(
-                    f'"{taken[place]}" and "{link.entry.link}" set the same input',
+                    f'"{connected[scalar]}" and "{link.entry.link}" set the same input',
                     key="connections",
                 )
-            taken[place] = link.entry.link
+            connected[scalar] = link.entry.link

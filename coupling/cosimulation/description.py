@@ -1,8 +1,8 @@
 """What a unit is: its variables and fields, its abilities, and what depends on what.
 
-It is read from ``modelDescription.xml`` and, in FMI 3.0, from the file of its terminals, which is
-optional and says nothing that a unit needs to run. What ``lcmchain cosim`` does not take of a unit
-is told in the words of the doctor.
+It is read from ``modelDescription.xml`` and, in FMI 3.0, from the file of its terminals. That file
+is optional: a unit runs without it. ``lcmchain cosim`` and ``lcmchain fmu doctor`` share the words
+on what is left out of a unit.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -31,13 +31,16 @@ from lcmchain.coupling.cosimulation.physical_units import (
 from lcmchain.coupling.cosimulation.variable import LEFT_OUT, STRUCTURAL, TEXT, Variable
 from lcmchain.errors import InputError, shortened
 
+if TYPE_CHECKING:
+    from fmpy.model_description import Dimension, ModelDescription, ScalarVariable, Unknown
+
 # --- terminals of FMI 3.0: variables that belong together (FMI 3.0.2, 2.4.9) ----------------------
 
 #: Where a unit of FMI 3.0 keeps its icons, and describes them and its terminals.
 ICONS_FOLDER = "terminalsAndIcons"
 TERMINALS_FILE = f"{ICONS_FOLDER}/terminalsAndIcons.xml"
-#: How the members of two terminals are matched: by their names all of them, by their names what
-#: there is, by their places.
+#: Rules that match the members of two terminals: all by their names; those that both have, by their
+#: names; all by their order.
 PLUG, BUS, SEQUENCE = "plug", "bus", "sequence"
 #: The kind of variable whose connected values are equal; flows sum up to 0 instead.
 SIGNAL = "signal"
@@ -54,9 +57,13 @@ class Member:
 
 @dataclass(frozen=True)
 class Terminal:
-    """A terminal; of a nested one ``name`` is the whole path, ``outer.inner``.
+    """A terminal.
 
-    ``has_streams``: it has stream members, which nothing here connects.
+    Parameters
+    ----------
+    name : of a nested terminal the whole path, ``outer.inner``.
+    rule : by which its members are matched.
+    has_streams : whether it has stream members, which are not connected here.
     """
 
     name: str
@@ -66,7 +73,7 @@ class Terminal:
 
 
 def read_terminals(folder: Path, file: Path) -> dict[str, Terminal]:
-    """Return the terminals of an unpacked unit by name; none where it describes none.
+    """Return the terminals of an unpacked unit by name.
 
     Parameters
     ----------
@@ -84,13 +91,14 @@ def read_terminals(folder: Path, file: Path) -> dict[str, Terminal]:
         raise InputError(
             f"{TERMINALS_FILE} describes no terminals, but <{shortened(root.tag)}>", file=file
         )
-    found: dict[str, Terminal] = {}
+    terminals: dict[str, Terminal] = {}
     for element in root.findall("Terminals/Terminal"):
-        _read(element, "", found)
-    return found
+        _read_terminal(element, "", terminals)
+    return terminals
 
 
-def _read(element: Element, outer: str, found: dict[str, Terminal]) -> None:
+def _read_terminal(element: Element, outer: str, terminals: dict[str, Terminal]) -> None:
+    """Add a terminal and those within it."""
     name = outer + element.get("name", "")
     members = tuple(
         Member(
@@ -101,20 +109,20 @@ def _read(element: Element, outer: str, found: dict[str, Terminal]) -> None:
         for member in element.findall("TerminalMemberVariable")
     )
     streams = element.find("TerminalStreamMemberVariable") is not None
-    found[name] = Terminal(name, element.get("matchingRule", ""), members, streams)
+    terminals[name] = Terminal(name, element.get("matchingRule", ""), members, streams)
     for inner in element.findall("Terminal"):
-        _read(inner, f"{name}.", found)
+        _read_terminal(inner, f"{name}.", terminals)
 
 
-# --- what is not taken ----------------------------------------------------------------------------
+# --- what is left out -----------------------------------------------------------------------------
 
 
-#: Names that a sentence lists.
+#: Most names that a sentence lists.
 MOST_NAMES = 5
 
 
 def version_problem(version: str) -> str:
-    """Return why units of a version of FMI are not taken; nothing where they are."""
+    """Return why units of a version of FMI are not read; empty where they are."""
     if re.fullmatch(r"2\.0|3\.\d+(\.\d+)?", version):
         return ""
     if re.match(r"[23]\..*[A-Za-z]", version):
@@ -132,29 +140,29 @@ def names_twice(root: Element) -> list[str]:
 
 
 def left_out(root: Element) -> list[str]:
-    """Return in sentences what is not taken of a unit, from the root of its model description."""
+    """Return sentences on what is left out of a unit, from the root of its model description."""
     variables = list(root.find("ModelVariables") or ())
     clocks = [v.get("name", "") for v in variables if v.tag == "Clock"]
     clocked = [v.get("name", "") for v in variables if v.tag != "Clock" and v.get("clocks")]
     binary = [v.get("name", "") for v in variables if v.tag == "Binary"]
     twice = names_twice(root)
-    found = []
+    sentences = []
     if clocks:
-        found.append(
+        sentences.append(
             f"its clocks ({_some(clocks)}) do not tick, because lcmchain cosim offers none: what "
             "waits for them stands still" + (f" ({_some(clocked)})" if clocked else "")
         )
     if binary:
-        found.append(f"its binary variables ({_some(binary)}) are left out")
+        sentences.append(f"its binary variables ({_some(binary)}) are left out")
     if twice:
-        found.append(
+        sentences.append(
             f"the names of variables are not unique ({_some(twice)}): lcmchain cosim cannot "
             "connect or set these; give each its own name"
         )
-    return found
+    return sentences
 
 
-# --- fields of FMI 2.0: scalars name[1], name[2], ... that are the values of one variable ---------
+# --- fields of FMI 2.0: scalars name[1], name[2], ... are the values of one variable --------------
 
 
 _INDEXED = re.compile(r"(.+)\[(\d+(?:,\s*\d+)*)\]")
@@ -163,9 +171,11 @@ _INDEXED = re.compile(r"(.+)\[(\d+(?:,\s*\d+)*)\]")
 def with_fields(
     scalars: Sequence[Variable],
 ) -> tuple[dict[str, Variable], dict[str, Variable], dict[str, str]]:
-    """Put the scalars ``name[1]``, ``name[2]``... together; they keep the order of their indices.
+    """Join the scalars ``name[1]``, ``name[2]``... to fields, in the order of their indices.
 
-    Returns the variables, the scalars that are values of a field, and the fields of these.
+    Returns
+    -------
+    Variables by name, scalars within fields by name, and the names of the fields of these scalars.
     """
     groups: dict[str, list[tuple[tuple[int, ...], Variable]]] = {}
     for scalar in scalars:
@@ -197,7 +207,7 @@ def _index(member: tuple[tuple[int, ...], Variable]) -> tuple[int, ...]:
 
 
 def _is_field(members: Sequence[tuple[tuple[int, ...], Variable]]) -> bool:
-    """Whether the indices fill an array that begins at 0 or 1, and all values are of one kind."""
+    """Whether the indices fill an array that begins at 0 or 1, and the scalars are alike."""
     indices = [index for index, _ in members]
     ranks = {len(index) for index in indices}
     alike = {(v.kind, v.causality, v.variability, v.unit) for _, v in members}
@@ -237,12 +247,18 @@ _NOT_UNIQUE = "is not unique"
 
 @dataclass(frozen=True, eq=False)
 class UnitDescription:
-    """What a model description says; the variables of FMI 2 that form fields are put together.
+    """What a model description says; scalars of FMI 2 that form a field are one variable.
 
-    ``depends`` and ``depends_initially`` name the inputs that an output follows directly; an output
-    that is missing there may follow all. ``units`` are those that the description defines, by name.
-    ``ambiguous`` are names of variables that stand in it twice. ``terminals`` are those of FMI 3.0,
-    by name.
+    Parameters
+    ----------
+    depends, depends_initially : the inputs that an output depends on directly, by its name, in
+        steps and in the initialisation. An output that is missing there may depend on all.
+    internal_step : step of a unit whose steps are fixed [s].
+    only_once : whether a process can hold one instance only.
+    elements : scalars of FMI 2 within fields, by name.
+    units : units of measurement that the description defines, by name.
+    ambiguous : names that two variables have.
+    terminals : of FMI 3.0, by name.
     """
 
     model_name: str
@@ -279,9 +295,9 @@ class UnitDescription:
                 f'{self.model_name} has more than one variable "{shortened(name)}"; export it with '
                 "a name of its own for each"
             )
-        found = self.variables.get(name) or self.elements.get(name)
-        if found is not None:
-            return found
+        variable = self.variables.get(name) or self.elements.get(name)
+        if variable is not None:
+            return variable
         close = difflib.get_close_matches(name, self.variables, n=1, cutoff=0.5)
         known = [v.name for v in self.variables.values() if v.causality in ("input", "output")]
         hint = f'did you mean "{close[0]}"?' if close else f"there are {_some(known, 8)}"
@@ -293,7 +309,8 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
 
     Parameters
     ----------
-    folder : where it is unpacked. file : its archive, for messages.
+    folder : where it is unpacked.
+    file : its archive, for messages.
 
     Raises
     ------
@@ -362,7 +379,7 @@ def read_description(folder: Path, file: Path) -> UnitDescription:
 
 
 def _terminals(folder: Path, file: Path, remarks: list[str]) -> dict[str, Terminal]:
-    """Return the terminals; the unit runs without them, so that damage is a remark."""
+    """Return the terminals; damage is only a remark, because the unit runs without them."""
     try:
         return read_terminals(folder, file)
     except InputError as error:
@@ -370,8 +387,8 @@ def _terminals(folder: Path, file: Path, remarks: list[str]) -> dict[str, Termin
         return {}
 
 
-def _parsed(path: Path, file: Path) -> tuple[Any, list[str]]:
-    """Parse with fmpy; what its schema complains about is a remark where it can be read even so."""
+def _parsed(path: Path, file: Path) -> tuple[ModelDescription, list[str]]:
+    """Parse with fmpy; a fault against the schema is a remark where it can be read all the same."""
     from fmpy import read_model_description
     from fmpy.model_description import ValidationError
 
@@ -387,16 +404,16 @@ def _parsed(path: Path, file: Path) -> tuple[Any, list[str]]:
         raise InputError(remarks[0], file=file) from None
 
 
-def _true(value: Any) -> bool:
+def _true(value: bool | str | None) -> bool:
     return value is True or str(value).lower() in ("true", "1")
 
 
-def _number(value: Any) -> float | None:
+def _number(value: str | float | None) -> float | None:
     return None if value is None else float(value)
 
 
-def _units(parsed: Any) -> dict[str, PhysicalUnit | None]:
-    """Return the units that a description defines; None where nothing is known about one."""
+def _units(parsed: ModelDescription) -> dict[str, PhysicalUnit | None]:
+    """Return the units that a description defines; None for one that is not known."""
     units: dict[str, PhysicalUnit | None] = {}
     for unit in parsed.unitDefinitions:
         base = unit.baseUnit
@@ -413,32 +430,31 @@ def _units(parsed: Any) -> dict[str, PhysicalUnit | None]:
     return units
 
 
-def _displayed(root: Any, defined: dict[str, PhysicalUnit]) -> dict[str, PhysicalUnit]:
+def _displayed(root: Element, defined: dict[str, PhysicalUnit]) -> dict[str, PhysicalUnit]:
     """Return the units in which values may be shown; a name that means two is left out."""
-    found: dict[str, set[PhysicalUnit]] = {}
+    meanings: dict[str, set[PhysicalUnit]] = {}
     for unit in root.findall("UnitDefinitions/Unit"):
         for shown in unit.findall("DisplayUnit"):
             name, of = shown.get("name", ""), defined.get(unit.get("name", ""))
             if of is None or shown.get("inverse") in ("true", "1"):
                 continue
             with suppress(UnitError, ValueError):
-                factor, offset = (float(shown.get(k, v)) for k, v in (("factor", 1), ("offset", 0)))
-                found.setdefault(name, set()).add(display_unit(name, of, factor, offset))
-    return {name: units.pop() for name, units in found.items() if len(units) == 1}
+                factor, offset = float(shown.get("factor", 1)), float(shown.get("offset", 0))
+                meanings.setdefault(name, set()).add(display_unit(name, of, factor, offset))
+    return {name: units.pop() for name, units in meanings.items() if len(units) == 1}
 
 
-def _relative_names(root: Any) -> frozenset[str]:
+def _relative_names(root: Element) -> frozenset[str]:
     """Return the variables that measure differences, which fmpy does not read."""
-    names = set()
-    for entry in root.find("ModelVariables") or ():
-        for element in (entry, *entry):
-            if element.get("relativeQuantity") in ("true", "1"):
-                names.add(entry.get("name"))
-    return frozenset(names)
+    return frozenset(
+        entry.get("name", "")
+        for entry in root.find("ModelVariables") or ()
+        if any(element.get("relativeQuantity") in ("true", "1") for element in (entry, *entry))
+    )
 
 
 def _variable(
-    entry: Any,
+    entry: ScalarVariable,
     major: int,
     units: dict[str, PhysicalUnit | None],
     relative: frozenset[str],
@@ -484,40 +500,42 @@ def _variable(
     )
 
 
-def _dimension(dimension: Any) -> int | str:
+def _dimension(dimension: Dimension) -> int | str:
     """Return the size of a dimension, or the name of the variable that holds it."""
     return int(dimension.start) if dimension.start is not None else str(dimension.variable.name)
 
 
-def _structural_limits(root: Any) -> dict[str, tuple[float | None, float | None]]:
+def _structural_limits(root: Element) -> dict[str, tuple[float | None, float | None]]:
     """Return least and largest values of structural parameters, which fmpy does not read."""
     return {
-        entry.get("name"): (_limit(entry.get("min")), _limit(entry.get("max")))
+        entry.get("name", ""): (_limit(entry.get("min")), _limit(entry.get("max")))
         for entry in root.find("ModelVariables") or ()
         if entry.get("causality") == STRUCTURAL
     }
 
 
 def _limit(text: str | None) -> float | None:
-    """Return a limit as a number; one that is none limits nothing."""
+    """Return a limit as a number; a text that is no number limits nothing."""
     try:
         return None if text is None else float(text)
     except ValueError:
         return None
 
 
-def _dependencies(unknowns: Sequence[Any], owner: dict[str, str]) -> dict[str, frozenset[str]]:
-    """Return the inputs that outputs follow, by the names of fields; one that says nothing is left
-    out."""
-    found: dict[str, set[str] | None] = {}
+def _dependencies(unknowns: Sequence[Unknown], owner: dict[str, str]) -> dict[str, frozenset[str]]:
+    """Return the inputs that outputs depend on, fields by their names.
+
+    An output without a statement is left out.
+    """
+    inputs: dict[str, set[str] | None] = {}
     for unknown in unknowns:
         name = owner.get(unknown.variable.name, unknown.variable.name)
         if unknown.dependencies is None:
-            found[name] = None
-        elif found.get(name, set()) is not None:
+            inputs[name] = None
+        elif inputs.get(name, set()) is not None:
             names = {owner.get(entry.name, entry.name) for entry in unknown.dependencies}
-            found[name] = (found.get(name) or set()) | names
-    return {name: frozenset(names) for name, names in found.items() if names is not None}
+            inputs[name] = (inputs.get(name) or set()) | names
+    return {name: frozenset(names) for name, names in inputs.items() if names is not None}
 
 
 def _some(names: Sequence[str], most: int = MOST_NAMES) -> str:

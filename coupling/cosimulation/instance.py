@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
-from numpy.typing import NDArray
-
-from lcmchain.coupling.cosimulation.variable import Variable
+from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.errors import SimulationError
 
-#: Takes the status in words, the category and the text of a message of a unit.
+#: Takes a message of a unit: its status in words, its category and its text.
 Log = Callable[[str, str, str], None]
 
 
 class CallFailed(SimulationError):
     """A call that the unit answered with an error, or not at all.
 
-    ``discarded``: it did nothing and the unit can go on; ``reached``: how far a step came [s].
+    Parameters
+    ----------
+    discarded : the call did nothing and the unit can go on.
+    reached : how far a step came [s].
     """
 
-    #: Whether the unit is gone, with the process that it was in.
+    #: Whether the unit is gone, together with its process.
     is_loss = False
 
     def __init__(
@@ -31,17 +32,21 @@ class CallFailed(SimulationError):
 
 
 class EndRequested(SimulationError):
-    """A step before whose end the unit wants the simulation to end."""
+    """The unit wants the simulation to end before the end of a step."""
 
 
 class Instance(Protocol):
-    """An instance of a unit. Every call raises CallFailed where the unit answers with an error."""
+    """An instance of a unit. Every call raises CallFailed where the unit answers with an error.
 
-    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+    A state of the unit goes by a number, ``handle``: its address in this process, or a count in a
+    process of the unit's own.
+    """
+
+    def configure(self, settings: Sequence[tuple[Variable, VariableValues]]) -> None:
         """Set structural parameters (n,) in the configuration mode, before all else (FMI 3.0)."""
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
-        """Tell the experiment, before the initialisation."""
+        """Set the times of the experiment [s] and its tolerance, before the initialisation."""
 
     def enter_initialization(self) -> None:
         """Begin the initialisation."""
@@ -49,16 +54,16 @@ class Instance(Protocol):
     def exit_initialization(self) -> None:
         """End the initialisation."""
 
-    def read(self, variable: Variable) -> NDArray[Any]:
+    def read(self, variable: Variable) -> VariableValues:
         """Return the values (n,) of a variable, a new array."""
 
-    def write(self, variable: Variable, values: Any) -> None:
+    def write(self, variable: Variable, values: VariableValues) -> None:
         """Set the values (n,) of a variable."""
 
     def step(self, time: float, size: float, *, returns: bool) -> bool:
         """Go on from ``time`` by ``size`` [s]; return whether the unit wants the simulation to end.
 
-        returns : it may go back to an earlier time.
+        returns : the master may restore a state of an earlier time.
 
         Raises
         ------
@@ -66,20 +71,20 @@ class Instance(Protocol):
         EndRequested : the unit wants the simulation to end before the end of the step.
         """
 
-    def save(self) -> Any:
-        """Return a handle of the present state, valid until it is released."""
+    def save(self) -> int:
+        """Return the handle of the present state, valid until it is released."""
 
-    def restore(self, handle: Any) -> None:
+    def restore(self, handle: int) -> None:
         """Return to a state."""
 
-    def release(self, handle: Any) -> None:
-        """Give a state back."""
+    def release(self, handle: int) -> None:
+        """Free the memory of a state."""
 
-    def serialise(self, handle: Any) -> bytes:
+    def serialise(self, handle: int) -> bytes:
         """Return a state as bytes."""
 
-    def deserialise(self, content: bytes) -> Any:
-        """Return a handle of a state."""
+    def deserialise(self, content: bytes) -> int:
+        """Return the handle of a state that is read from bytes."""
 
     def terminate(self) -> None:
         """End the simulation."""

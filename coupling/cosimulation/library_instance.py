@@ -10,60 +10,68 @@ import weakref
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
-from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, EndRequested, Instance, Log
-from lcmchain.coupling.cosimulation.variable import Variable
+from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.errors import InputError
 
-#: Words of a status by its number.
+if TYPE_CHECKING:
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi3 import FMU3Slave
+
+#: A status in words, by its number.
 STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
 DISCARD, FATAL = 2, 4
 LONGEST_MESSAGE = 2000
 
 
 class Access:
-    """Prepared arguments of reading and writing one variable: references and a place for values."""
+    """Arguments of the calls that read and write one variable: references and memory for values."""
 
     def __init__(self, variable: Variable) -> None:
         references: Any = np.ascontiguousarray(variable.references)
         self.count = references.size
         self.size = variable.size
-        self._kept = references
+        self._references = references  # ctypes only points to it
         self.references = (ctypes.c_uint * self.count).from_buffer(references)
+        self._values: VariableValues | None = None
+        self.memory: Any = None  # an array of ctypes
         if variable.is_text:
-            self.values: Any = None
-            self.memory: Any = (ctypes.c_char_p * self.size)()
+            self.memory = (ctypes.c_char_p * self.size)()
         else:
-            self.values = np.zeros(self.size, dtype=variable.dtype)
+            numbers: Any = np.zeros(self.size, dtype=variable.dtype)
             kind = np.ctypeslib.as_ctypes_type(variable.dtype)
-            self.memory = (kind * self.size).from_buffer(self.values)
+            self.memory = (kind * self.size).from_buffer(numbers)
+            self._values = numbers
 
-    def take(self, values: Any) -> None:
+    def store(self, values: VariableValues) -> None:
         """Put values (n,) into the memory."""
-        if self.values is None:
+        if self._values is None:
             self._texts = [str(text).encode() for text in values]
             self.memory[:] = self._texts
         else:
-            self.values[:] = values
+            self._values[:] = values
 
-    def given(self) -> NDArray[Any]:
-        """Return a copy of what is in the memory."""
-        if self.values is not None:
-            return np.array(self.values)
+    def content(self) -> VariableValues:
+        """Return a copy of the values (n,) in the memory."""
+        if self._values is not None:
+            return np.array(self._values)
         texts = np.empty(self.size, dtype=object)
         texts[:] = [(text or b"").decode("utf-8", errors="replace") for text in self.memory]
         return texts
 
 
 class LibraryCalls:
-    """What both versions share; see :class:`lcmchain.coupling.cosimulation.instance.Instance`."""
+    """Calls that both versions share.
+
+    See :class:`lcmchain.coupling.cosimulation.instance.Instance`.
+    """
 
     prefix = ""
 
@@ -76,19 +84,19 @@ class LibraryCalls:
         self._last_words: list[str] = []
         self._dead = False  # after a fatal error nothing may be called, not even free
         self._alive = False
-        self._unit: Any = self._load(description, folder, name)
+        self._unit = self._load(description, folder, name)
         self._instantiate(debug)
         self._alive = True
 
-    def _load(self, description: UnitDescription, folder: Path, name: str) -> Any:
+    def _load(self, description: UnitDescription, folder: Path, name: str) -> FMU2Slave | FMU3Slave:
         from fmpy import fmi2, fmi3
 
         library = self._library(folder, description)
         if not library.is_file():
-            there = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
+            systems = sorted(path.name for path in (folder / "binaries").glob("*") if path.is_dir())
             raise InputError(
                 f'unit "{name}": the archive holds no library for this machine '
-                f"({library.parent.name}); it has {', '.join(there) or 'none'}"
+                f"({library.parent.name}); it has {', '.join(systems) or 'none'}"
             )
         _require_whole(library, name)
         # fmpy changes into the folder of the library, and stays there when loading fails
@@ -109,22 +117,22 @@ class LibraryCalls:
     def _library(self, folder: Path, description: UnitDescription) -> Path:
         import fmpy
 
-        place = fmpy.platform if description.major == 2 else fmpy.platform_tuple
+        system = fmpy.platform if description.major == 2 else fmpy.platform_tuple
         ending = fmpy.sharedLibraryExtension
-        return folder / "binaries" / place / f"{description.model_identifier}{ending}"
+        return folder / "binaries" / system / f"{description.model_identifier}{ending}"
 
     def _instantiate(self, debug: bool) -> None:
         raise NotImplementedError
 
     def message(self, status: int, category: bytes | None, text: bytes | None) -> None:
-        """Take a message of the unit; whatever it holds, nothing goes wrong in here."""
+        """Log a message of the unit. It raises nothing, whatever the message holds."""
         words = STATUS[status] if 0 <= status < len(STATUS) else str(status)
         message = (text or b"").decode("utf-8", errors="replace").strip()[:LONGEST_MESSAGE]
         if status > 0 and message:
             self._last_words = [*self._last_words[-2:], message]
         self._log(words, (category or b"").decode("utf-8", errors="replace"), message)
 
-    def call(self, function: str, *arguments: Any) -> None:
+    def call(self, function: str, *arguments: object) -> None:
         """Call a function of the unit with the instance.
 
         Raises
@@ -157,54 +165,54 @@ class LibraryCalls:
         raise NotImplementedError
 
     def _counts(self, access: Access) -> tuple[int, ...]:
-        """Return what follows the values in a call."""
+        """Return the arguments that follow the values in a call."""
         return ()
 
-    def read(self, variable: Variable) -> NDArray[Any]:
+    def read(self, variable: Variable) -> VariableValues:
         access = self._prepared(variable)
         self.call(
             f"Get{self._function(variable)}", access.references, access.count, access.memory,
             *self._counts(access),
         )  # fmt: skip
-        return access.given()
+        return access.content()
 
-    def write(self, variable: Variable, values: Any) -> None:
+    def write(self, variable: Variable, values: VariableValues) -> None:
         access = self._prepared(variable)
-        access.take(values)
+        access.store(values)
         self.call(
             f"Set{self._function(variable)}", access.references, access.count, access.memory,
             *self._counts(access),
         )  # fmt: skip
 
-    # the names of the functions differ in two capitals
+    # the names of the functions differ in two capitals between the versions
     _state = "FMUState"
     _deserialise = "DeserializeFMUState"
-    _byte: Any = ctypes.c_uint8
+    _byte: type[ctypes.c_uint8 | ctypes.c_char] = ctypes.c_uint8
 
-    def save(self) -> Any:
-        handle = ctypes.c_void_p()
-        self.call(f"Get{self._state}", ctypes.byref(handle))
-        return handle
+    def save(self) -> int:
+        state = ctypes.c_void_p()
+        self.call(f"Get{self._state}", ctypes.byref(state))
+        return state.value or 0
 
-    def restore(self, handle: Any) -> None:
-        self.call(f"Set{self._state}", handle)
+    def restore(self, handle: int) -> None:
+        self.call(f"Set{self._state}", ctypes.c_void_p(handle))
 
-    def release(self, handle: Any) -> None:
+    def release(self, handle: int) -> None:
         if self._alive and not self._dead:
-            self.call(f"Free{self._state}", ctypes.byref(handle))
+            self.call(f"Free{self._state}", ctypes.byref(ctypes.c_void_p(handle)))
 
-    def serialise(self, handle: Any) -> bytes:
-        size = ctypes.c_size_t()
-        self.call(f"Serialized{self._state}Size", handle, ctypes.byref(size))
+    def serialise(self, handle: int) -> bytes:
+        state, size = ctypes.c_void_p(handle), ctypes.c_size_t()
+        self.call(f"Serialized{self._state}Size", state, ctypes.byref(size))
         content = (self._byte * size.value)()
-        self.call(f"Serialize{self._state}", handle, content, size)
+        self.call(f"Serialize{self._state}", state, content, size)
         return bytes(content)
 
-    def deserialise(self, content: bytes) -> Any:
-        handle = ctypes.c_void_p()
-        given = (self._byte * len(content)).from_buffer_copy(content)
-        self.call(self._deserialise, given, len(content), ctypes.byref(handle))
-        return handle
+    def deserialise(self, content: bytes) -> int:
+        state = ctypes.c_void_p()
+        memory = (self._byte * len(content)).from_buffer_copy(content)
+        self.call(self._deserialise, memory, len(content), ctypes.byref(state))
+        return state.value or 0
 
     def enter_initialization(self) -> None:
         raise NotImplementedError
@@ -230,16 +238,16 @@ def no_instance(name: str, said: list[str]) -> InputError:
 
 
 def end_text(reached: float | None, said: str) -> str:
-    place = "" if reached is None else f" at {reached:g} s"
-    return f"it asked for the end of the simulation{place}{f' ({said})' if said else ''}"
+    when = "" if reached is None else f" at {reached:g} s"
+    return f"it asked for the end of the simulation{when}{f' ({said})' if said else ''}"
 
 
 def _require_whole(library: Path, name: str) -> None:
-    """Refuse a library of Linux that was cut off: loading it ends the process by a signal."""
+    """Refuse a library of Linux that is cut off: loading it would end the process by a signal."""
     try:
         with library.open("rb") as file:
             if file.read(4) != b"\x7fELF":
-                return  # what the loader of the system makes of it is told by fmpy
+                return  # fmpy reports what the loader of the system finds wrong
             size = file.seek(0, os.SEEK_END)
             ends = [s["p_offset"] + s["p_filesz"] for s in ELFFile(file).iter_segments()]
     except (ELFError, OSError):
@@ -254,12 +262,12 @@ def _require_whole(library: Path, name: str) -> None:
 # --- FMI 2.0 --------------------------------------------------------------------------------------
 
 
-#: Units of FMI 2 by the environment that they are given; fmpy's library for their messages keeps
-#: one callback for the whole process, so that all units share one that finds out whose it is.
+#: Units of FMI 2 by their component environments. fmpy's library for messages keeps one callback
+#: for the whole process: all units share it, and it looks up here which unit a message is from.
 _speakers: weakref.WeakValueDictionary[int, Fmi2Instance] = weakref.WeakValueDictionary()
 _environments = itertools.count(1)
 
-#: Categories of messages that the standard names for calls which did not succeed.
+#: Categories of the standard for messages of calls that did not succeed.
 REASONS = ("logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal")
 
 
@@ -267,9 +275,10 @@ def _message2(
     environment: int | None, name: bytes | None, status: int, category: bytes, text: bytes
 ) -> None:
     speaker = _speakers.get(environment or 0)
-    if speaker is None:  # a unit that does not pass on what it was given
+    if speaker is None:  # the unit does not pass on its environment
         named = (name or b"").decode("utf-8", errors="replace")
-        speaker = next((one for one in list(_speakers.values()) if one.name == named), None)
+        units = list(_speakers.values())
+        speaker = next((unit for unit in units if unit.name == named), None)
     if speaker is not None:
         speaker.message(status, category, text)
 
@@ -320,12 +329,12 @@ class Fmi2Instance(LibraryCalls):
             with suppress(CallFailed):
                 self.call("SetDebugLogging", True, len(wanted), names)
 
-    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+    def configure(self, settings: Sequence[tuple[Variable, VariableValues]]) -> None:
         """FMI 2.0 has no structural parameters, so that there is nothing to set."""
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
-        given = tolerance is not None
-        self.call("SetupExperiment", given, tolerance or 0.0, start, True, stop)
+        has_tolerance = tolerance is not None
+        self.call("SetupExperiment", has_tolerance, tolerance or 0.0, start, True, stop)
 
     def enter_initialization(self) -> None:
         self.call("EnterInitializationMode")
@@ -342,14 +351,16 @@ class Fmi2Instance(LibraryCalls):
                 raise
             reached = self._status("Real", 2, ctypes.c_double())  # fmi2LastSuccessfulTime
             ends = self._status("Boolean", 3, ctypes.c_int())  # fmi2Terminated
-            # pythonfmu says so after every discard: an end needs a step towards it
+            # pythonfmu reports an end after every discarded step: one that got nowhere is no end
             if ends and (reached is None or reached > time):
                 raise EndRequested(end_text(reached, str(failure))) from None
             raise CallFailed(str(failure), discarded=True, reached=reached) from None
         return False
 
-    def _status(self, kind: str, number: int, value: Any) -> Any:
-        """Ask for a status after a discarded step; None where the unit does not know it."""
+    def _status(
+        self, kind: str, number: int, value: ctypes.c_double | ctypes.c_int
+    ) -> float | None:
+        """Return a status after a discarded step; None where the unit does not know it."""
         try:
             self.call(f"Get{kind}Status", number, ctypes.byref(value))
         except CallFailed:
@@ -374,7 +385,7 @@ class Fmi3Instance(LibraryCalls):
         except Exception:
             raise no_instance(self.name, self._last_words) from None
 
-    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+    def configure(self, settings: Sequence[tuple[Variable, VariableValues]]) -> None:
         self.call("EnterConfigurationMode")
         for variable, values in settings:
             self.write(variable, values)

@@ -1,4 +1,4 @@
-"""A unit as a part of a coupled system: fields in and out, steps, and states to return to."""
+"""A unit as a part of a coupled system: fields, steps, and states to return to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
 from lcmchain.coupling.cosimulation.start_values import Configuration
-from lcmchain.coupling.cosimulation.variable import Variable
+from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.interface import Fields
 from lcmchain.errors import InputError
 
+_Result = TypeVar("_Result")
+
 
 @dataclass
 class Spent:
-    """What a unit has cost: times [s] and numbers of calls."""
+    """The cost of a unit: times [s] and numbers of calls."""
 
     instantiation: float = 0.0
     initialisation: float = 0.0
@@ -43,10 +45,10 @@ class Spent:
 
 @dataclass(eq=False)
 class SavedUnit:
-    """A state that a unit keeps for the master; given back when nobody refers to it any more."""
+    """A state in the memory of a unit; released with the last reference to it."""
 
     time: float
-    handle: Any
+    handle: int
     instance: Instance
 
     def __del__(self) -> None:
@@ -68,16 +70,21 @@ class SerialisedUnit:
 class FmuPart:
     """A unit that satisfies :class:`lcmchain.coupling.iteration.CoupledPart`.
 
-    Its fields are its variables by their names, whole fields included, as float64 in the unit's own
-    units of measurement. What changes in jumps (whole numbers, switches, texts) does not go
-    through the coupling but is brought by ``bring`` just before every step.
+    Its fields are its variables by name, whole arrays included, as float64 in the unit's own units
+    of measurement. Values that change in jumps (whole numbers, switches, texts) do not go through
+    the coupling: ``bring`` sets them just before every step.
 
     Parameters
     ----------
-    name : in the system. file : the archive. sha256 : of it.
+    name : in the system.
+    file : the archive.
+    sha256 : hash of the archive.
     time : begin [s].
+    returns : whether the master may restore earlier states.
+    bring : sets the inputs that change in jumps.
+    wants_end : whether the unit has asked for the end of the simulation.
     apart : whether the unit is in a process of its own.
-    given : the numbers that its inputs were given last, by their names.
+    given : the last numbers of its inputs, by name.
     configuration : structural parameters that are set before its initialisation.
     """
 
@@ -100,7 +107,7 @@ class FmuPart:
 
         Raises
         ------
-        PartFailed : the unit refuses it or fails; says how far it came.
+        PartFailed : the unit refuses it or fails; tells how far it came.
         """
         if self.bring is not None:
             self.bring()
@@ -121,7 +128,7 @@ class FmuPart:
             return SavedUnit(self.time, self._stated(self.instance.save), self.instance)
 
     def restore(self, saved: SavedUnit | SerialisedUnit) -> None:
-        """Return to a state, also to one that was read from a file."""
+        """Return to a state, from memory or from a file."""
         with self._timed("states"):
             if isinstance(saved, SerialisedUnit):
                 content = saved.content.tobytes()
@@ -140,7 +147,7 @@ class FmuPart:
         return SerialisedUnit(saved.time, np.frombuffer(content, dtype=np.uint8))
 
     def set_fields(self, fields: Mapping[str, NDArray[np.float64]]) -> None:
-        """Take inputs by name.
+        """Set inputs (n,) by name.
 
         Raises
         ------
@@ -157,21 +164,21 @@ class FmuPart:
             self.write(variable, values)
 
     def get_fields(self, names: Sequence[str]) -> Fields:
-        """Return variables by name at the present time.
+        """Return the present values (n,) of variables by name.
 
         Raises
         ------
         InputError : there is none of that name, or it is a text.
         """
-        found: Fields = {}
+        fields: Fields = {}
         for name in names:
             variable = self.description.find(name)
             if variable.is_text:
                 raise InputError(f'"{name}" of unit "{self.name}" is a text, not a field')
-            found[name] = self.read(variable).astype(np.float64)
-        return found
+            fields[name] = self.read(variable).astype(np.float64)
+        return fields
 
-    def read(self, variable: Variable) -> NDArray[Any]:
+    def read(self, variable: Variable) -> VariableValues:
         """Return the values (n,) of a variable in its own type.
 
         Raises
@@ -181,7 +188,7 @@ class FmuPart:
         with self._timed("exchange"), self._told(f'"{variable.name}" cannot be read'):
             return self.instance.read(variable)
 
-    def write(self, variable: Variable, values: Any) -> None:
+    def write(self, variable: Variable, values: VariableValues) -> None:
         """Set the values (n,) of a variable.
 
         Raises
@@ -192,12 +199,12 @@ class FmuPart:
             self.instance.write(variable, values)
         self.note(variable, values)
 
-    def note(self, variable: Variable, values: Any) -> None:
-        """Note the values of an input, for the message where the unit is lost."""
+    def note(self, variable: Variable, values: VariableValues) -> None:
+        """Note the values (n,) of an input, for the message where the unit is lost."""
         if variable.causality == "input" and not variable.is_text:
             self.given[variable.name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
 
-    def _stated(self, call: Callable[[], Any]) -> Any:
+    def _stated(self, call: Callable[[], _Result]) -> _Result:
         with self._told("its state cannot be saved or restored"):
             return call()
 

@@ -27,7 +27,7 @@ _SPELLINGS = {"1": "dimensionless", "-": "dimensionless", "": "dimensionless", "
 
 
 class UnitError(ValueError):
-    """A unit that is not known, or a value in a unit that does not fit."""
+    """A unit that is not known, or one that does not fit."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +91,11 @@ def conversion(source: PhysicalUnit, target: PhysicalUnit, *, relative: bool = F
 
 
 def unit_from_name(name: str, known: Mapping[str, PhysicalUnit] | None = None) -> PhysicalUnit:
-    """Return the unit of a name as it stands in model descriptions, such as ``N.m`` or ``m/s2``.
+    """Return the unit with a name as in model descriptions, such as ``N.m`` or ``m/s2``.
 
     Parameters
     ----------
-    known : units that the archive defines itself, which go before what the name usually means.
+    known : units that the archive defines; they go before the usual meaning of the name.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _unit_from_name(name: str) -> PhysicalUnit:
 
 
 def is_usual(unit: PhysicalUnit) -> bool:
-    """Whether a unit is what its name means without a definition."""
+    """Whether a unit has the usual meaning of its name."""
     try:
         return unit_from_name(unit.name) == unit
     except UnitError:
@@ -156,7 +156,7 @@ def unit_from_base(
 
 
 def display_unit(name: str, unit: PhysicalUnit, factor: float, offset: float) -> PhysicalUnit:
-    """Return the unit whose values are ``factor v + offset`` for a value v in another unit.
+    """Return the unit whose values are ``factor v + offset`` for values v in ``unit``.
 
     Raises
     ------
@@ -208,12 +208,12 @@ def _registry() -> Any:
 
 
 def _tidy(number: float) -> float:
-    """Take away what rounding added: 1000.0000000000001 is meant to be 1000."""
+    """Remove rounding errors: 1000.0000000000001 is meant to be 1000."""
     rounded = float(f"{number:.14g}")
     return rounded if math.isclose(rounded, number, rel_tol=4e-16) else number
 
 
 def _dimension_text(unit: PhysicalUnit) -> str:
-    parts = [f"{base}^{power:g}" if power != 1 else base
-             for base, power in zip(BASE, unit.exponents) if power]  # fmt: skip
-    return " ".join(parts) or "plain number or angle"
+    powers = [f"{base}^{power:g}" if power != 1 else base
+              for base, power in zip(BASE, unit.exponents) if power]  # fmt: skip
+    return " ".join(powers) or "plain number or angle"

@@ -1,4 +1,11 @@
-"""An instance in a process of its own, which may crash, end or hang without taking the master."""
+"""An instance in a process of its own, which may crash, end or hang without taking the master.
+
+Master and process send frames over a pipe: the length as eight bytes, then a pickled message. The
+master asks with ``(operation, arguments, released states)``. The process answers with ``("said",
+status, category, text)`` any number of times, then with ``("done", result)`` or ``("failed",
+error)``. The unit has neither standard input nor standard output, so that nothing that it reads or
+prints disturbs the pipe. The process ends with its master.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +14,7 @@ import math
 import os
 import pickle
 import signal
+import struct
 import subprocess
 import sys
 import threading
@@ -17,28 +25,161 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from numpy.typing import NDArray
-
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance, Log
 from lcmchain.coupling.cosimulation.library_instance import instance_in_process
 from lcmchain.coupling.cosimulation.stopping import StopRequests
-from lcmchain.coupling.cosimulation.unit_process import read_frame, write_frame
-from lcmchain.coupling.cosimulation.variable import Variable
-from lcmchain.errors import SimulationInterrupted
+from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
+from lcmchain.errors import LcmchainError, SimulationInterrupted
 from lcmchain.quantities.durations import duration_text
 
-#: How often a call that is at work is looked at [s].
-LOOK = 0.1
-#: How long anything but a step may take at least, such as loading a unit [s].
-LEAST = 60.0
+# --- frames ---------------------------------------------------------------------------------------
+
+_LENGTH = struct.Struct("<Q")
+
+
+def write_frame(stream: BinaryIO, message: object) -> None:
+    """Send a message."""
+    content = pickle.dumps(message, protocol=5)
+    stream.write(_LENGTH.pack(len(content)))
+    stream.write(content)
+    stream.flush()
+
+
+def read_frame(stream: BinaryIO) -> Any:
+    """Wait for a message.
+
+    Raises
+    ------
+    EOFError : the other side is gone.
+    """
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        raise EOFError
+    (size,) = _LENGTH.unpack(head)
+    content = stream.read(size)
+    if len(content) < size:
+        raise EOFError
+    return pickle.loads(content)
+
+
+# --- the process of the unit ----------------------------------------------------------------------
+
+#: How often the process checks that its master still runs [s].
+MASTER_CHECK = 1.0
+#: Operations whose arguments go to the instance unchanged.
+UNCHANGED = ("set_up", "enter_initialization", "exit_initialization", "terminate", "free")
+
+
+class _Server:
+    """Makes the instance at the first message, and answers the others."""
+
+    def __init__(self, requests: BinaryIO, answers: BinaryIO) -> None:
+        self._requests, self._answers = requests, answers
+        self._sending = threading.Lock()  # a unit may log from a thread of its own
+        self._instance: Instance
+        self._variables: dict[int, Variable] = {}
+        self._states: dict[int, int] = {}  # handles of the instance by those of the master
+        self._state_count = 0
+
+    def serve(self) -> None:
+        """Answer until the unit is freed or the master is gone."""
+        operation = ""
+        with suppress(EOFError, BrokenPipeError):
+            while operation != "free":
+                operation, arguments, released = read_frame(self._requests)
+                self._send(*self._answer(operation, arguments, released))
+
+    def _send(self, *message: object) -> None:
+        with self._sending:
+            write_frame(self._answers, message)
+
+    def _log(self, status: str, category: str, text: str) -> None:
+        self._send("said", status, category, text)
+
+    def _answer(
+        self, operation: str, arguments: tuple[Any, ...], released: list[int]
+    ) -> tuple[str, object]:
+        try:
+            for number in released:
+                with suppress(CallFailed):  # the unit has failed; its memory goes with the process
+                    self._instance.release(self._states.pop(number))
+            return "done", self._do(operation, *arguments)
+        except LcmchainError as error:
+            return "failed", error
+        except Exception as error:
+            return "failed", CallFailed(f"{type(error).__name__}: {error}")
+
+    def _do(self, operation: str, *arguments: Any) -> object:
+        if operation == "make":
+            description, folder, name, debug = arguments
+            self._instance = instance_in_process(description, folder, name, self._log, debug=debug)
+            return None
+        instance = self._instance
+        if operation in UNCHANGED:
+            return getattr(instance, operation)(*arguments)
+        if operation == "define":
+            number, variable = arguments
+            self._variables[number] = variable
+            return None
+        if operation == "configure":
+            settings = [(self._variables[number], values) for number, values in arguments[0]]
+            instance.configure(settings)
+            return None
+        if operation == "read":
+            return instance.read(self._variables[arguments[0]])
+        if operation == "write":
+            instance.write(self._variables[arguments[0]], arguments[1])
+            return None
+        if operation == "step":
+            moment, size, returns = arguments
+            return instance.step(moment, size, returns=returns)
+        if operation == "restore":
+            instance.restore(self._states[arguments[0]])
+            return None
+        if operation == "serialise":
+            return instance.serialise(self._states[arguments[0]])
+        state = instance.save() if operation == "save" else instance.deserialise(arguments[0])
+        self._state_count += 1
+        self._states[self._state_count] = state
+        return self._state_count
+
+
+def _end_with(master: int) -> None:
+    """End this process, and those that the unit has started, when the master is gone."""
+    while os.getppid() == master:
+        time.sleep(MASTER_CHECK)
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def main(master: int) -> None:
+    """Serve the master with this process number."""
+    threading.Thread(target=_end_with, args=(master,), daemon=True).start()
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)  # the unit prints on standard error
+    if sys.stdout is not None:
+        sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+    _Server(requests, answers).serve()
+
+
+# --- the side of the master -----------------------------------------------------------------------
+
+#: How often a call at work is checked for being late [s].
+CALL_CHECK = 0.1
+#: Least time that any call but a step may take, such as loading a unit [s].
+LEAST_LIMIT = 60.0
 #: How long a unit may take to be freed, and its process to end after that [s].
 CLOSING = 10.0
 
 # the path of the master, because units in Python may import what it can import
 _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from lcmchain.coupling.cosimulation.unit_process import main; main(int(sys.argv[2]))"
+    "from lcmchain.coupling.cosimulation.process_instance import main; main(int(sys.argv[2]))"
 )
 
 _DURING = {
@@ -96,12 +237,12 @@ class ProcessInstance:
     ) -> None:
         self.name, self._log, self._limit, self._requests = name, log, limit, requests
         self._numbers: dict[Variable, int] = {}
-        self._given_back: list[int] = []
+        self._released: list[int] = []  # states that the process is told of with the next request
         self._lost = ""  # why nothing can be asked any more
         self._freed = False
         self._guard = threading.Lock()
-        self._begin: float | None = None  # of the call at work, by the monotonic clock
-        self._allowed = limit  # for that call
+        self._begin: float | None = None  # of the call at work, by the monotonic clock [s]
+        self._allowed = limit  # for that call [s]
         self._ended_because = ""
         self._over = threading.Event()
         self._process = subprocess.Popen(
@@ -131,11 +272,11 @@ class ProcessInstance:
             self.free()
             raise
 
-    # --- the process ------------------------------------------------------------------------------
+    # --- calls ------------------------------------------------------------------------------------
 
     def _watch(self) -> None:
         """End the process when a call takes too long; runs in a thread."""
-        while not self._over.wait(LOOK):
+        while not self._over.wait(CALL_CHECK):
             with self._guard:
                 begin = self._begin
                 if begin is None or self._ended_because:
@@ -151,12 +292,12 @@ class ProcessInstance:
             self._kill()
 
     def _has_ended(self) -> bool:
-        """Whether the process has ended, which is not yet taken note of: its number is kept."""
+        """Whether the process has ended; its number stays reserved until it is waited for."""
         if not hasattr(os, "waitid"):
             return False
         with suppress(ChildProcessError):
-            look = os.WEXITED | os.WNOHANG | os.WNOWAIT
-            return os.waitid(os.P_PID, self._process.pid, look) is not None
+            options = os.WEXITED | os.WNOHANG | os.WNOWAIT
+            return os.waitid(os.P_PID, self._process.pid, options) is not None
         return True
 
     def _kill(self) -> None:
@@ -179,26 +320,29 @@ class ProcessInstance:
             with self._guard:
                 self._begin = None
 
-    def _ask(self, operation: str, *arguments: Any, allowed: float | None = None) -> Any:
-        """Have the process do something; return what it answers.
+    def _ask(self, operation: str, *arguments: object, allowed: float | None = None) -> Any:
+        """Have the process do something; return its answer.
+
+        allowed : time that it may take [s].
 
         Raises
         ------
-        UnitLost, LeftInCall : it did not answer. CallFailed, InputError : its unit failed.
+        UnitLost, LeftInCall : it did not answer.
+        CallFailed, InputError : its unit failed.
         """
         if self._lost:
             raise UnitLost(self._lost)
-        given_back, self._given_back = self._given_back, []
+        released, self._released = self._released, []
         try:
-            with self._at_work(max(self._limit, LEAST) if allowed is None else allowed):
-                write_frame(self._to, (operation, arguments, given_back))
+            with self._at_work(max(self._limit, LEAST_LIMIT) if allowed is None else allowed):
+                write_frame(self._to, (operation, arguments, released))
                 answer = read_frame(self._from)
                 while answer[0] == "said":
                     self._log(*answer[1:])
                     answer = read_frame(self._from)
         except (EOFError, OSError, pickle.UnpicklingError):
             raise self._loss(operation) from None
-        except BaseException:  # stopped in the middle of an answer: the next one would be this
+        except BaseException:  # the rest of this answer would be read as the next one
             self._lost = "it was left in a call"
             self._kill()
             raise
@@ -208,7 +352,7 @@ class ProcessInstance:
         return content
 
     def _loss(self, operation: str) -> UnitLost | LeftInCall:
-        """Return why a call was not answered, after the end of the process."""
+        """End the process; return why a call was not answered."""
         self._kill()
         code = self._process.wait()
         during = _DURING.get(operation, "in a call")
@@ -224,9 +368,9 @@ class ProcessInstance:
             self._lost = f"its process {_end_text(code)} {during}"
         return UnitLost(self._lost)
 
-    # --- the instance -----------------------------------------------------------------------------
+    # --- what an instance offers ------------------------------------------------------------------
 
-    def configure(self, settings: Sequence[tuple[Variable, Any]]) -> None:
+    def configure(self, settings: Sequence[tuple[Variable, VariableValues]]) -> None:
         self._ask("configure", [(self._number(variable), values) for variable, values in settings])
 
     def set_up(self, start: float, stop: float, tolerance: float | None) -> None:
@@ -246,32 +390,34 @@ class ProcessInstance:
             self._numbers[variable] = number
         return number
 
-    def read(self, variable: Variable) -> NDArray[Any]:
-        values: NDArray[Any] = self._ask("read", self._number(variable))
+    def read(self, variable: Variable) -> VariableValues:
+        values: VariableValues = self._ask("read", self._number(variable))
         return values
 
-    def write(self, variable: Variable, values: Any) -> None:
+    def write(self, variable: Variable, values: VariableValues) -> None:
         self._ask("write", self._number(variable), values)
 
     def step(self, time: float, size: float, *, returns: bool) -> bool:
         return bool(self._ask("step", time, size, returns, allowed=self._limit))
 
-    def save(self) -> Any:
-        return self._ask("save")
+    def save(self) -> int:
+        handle: int = self._ask("save")
+        return handle
 
-    def restore(self, handle: Any) -> None:
+    def restore(self, handle: int) -> None:
         self._ask("restore", handle)
 
-    def release(self, handle: Any) -> None:
-        # nobody knows when the collector of garbage calls this: the next request brings it
-        self._given_back.append(handle)
+    def release(self, handle: int) -> None:
+        # the garbage collector may call this at any time, also within a request
+        self._released.append(handle)
 
-    def serialise(self, handle: Any) -> bytes:
+    def serialise(self, handle: int) -> bytes:
         content: bytes = self._ask("serialise", handle)
         return content
 
-    def deserialise(self, content: bytes) -> Any:
-        return self._ask("deserialise", content)
+    def deserialise(self, content: bytes) -> int:
+        handle: int = self._ask("deserialise", content)
+        return handle
 
     def terminate(self) -> None:
         if not self._lost:
@@ -301,7 +447,7 @@ class ProcessInstance:
                 self._from.close()
 
     def _closing(self, operation: str) -> None:
-        """Ask for something at the end, where a loss does no harm any more and is only told."""
+        """Ask for something at the end; a loss does no harm any more and is only logged."""
         try:
             self._ask(operation, allowed=CLOSING)
         except (CallFailed, LeftInCall) as loss:
@@ -330,8 +476,10 @@ def new_instance(
 
     Parameters
     ----------
-    apart : in a process of its own, where a call may take ``limit`` [s] of wall-clock time, and
-        little once the user has asked for the end (``requests``).
+    folder : where the unit is unpacked.
+    apart : make it in a process of its own.
+    limit : wall-clock time that a step may take there [s].
+    requests : of the user to stop, after which a call has little time left there.
 
     Raises
     ------

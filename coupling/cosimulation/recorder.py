@@ -1,4 +1,4 @@
-"""What is kept of a co-simulation: values over time for files and pictures, and how it went."""
+"""Results of a co-simulation: values over time, their file and pictures, and the summary."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain import __version__
 from lcmchain.coupling.cosimulation.assembly import Assembly
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.system_file import RecorderEntry
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable
+from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable, VariableValues
 from lcmchain.errors import InputError
 from lcmchain.report.style import RC, SERIES, headline, new_figure, save
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
     from rich.table import Table
 
 
@@ -33,20 +33,20 @@ if TYPE_CHECKING:
 
 @dataclass
 class Recorder:
-    """Takes the present values of variables after windows.
+    """Records values of variables at the ends of windows.
 
     Parameters
     ----------
-    parts : by name.
-    variables : what is recorded, by the name of the unit.
-    every : of how many windows one is recorded.
+    parts : units by name.
+    variables : recorded variables by the name of the unit.
+    every : number of windows between two records.
     """
 
     parts: Mapping[str, FmuPart]
     variables: dict[str, list[Variable]]
     every: int = 1
     times: list[float] = field(default_factory=list)
-    values: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
+    values: dict[str, list[VariableValues]] = field(default_factory=dict)
     _windows: int = 0
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Recorder:
                 self.values[f"{unit}.{variable.name}"] = []
 
     def take(self, time: float, *, last: bool = False) -> None:
-        """Record a window's end, where its turn has come or it is the last one."""
+        """Record the end of a window, if it is one of ``every`` or the last one."""
         due = self._windows % self.every == 0
         self._windows += 1
         if not (due or last) or (self.times and self.times[-1] == time):
@@ -66,8 +66,8 @@ class Recorder:
                 values = self.parts[unit].read(variable)
                 self.values[f"{unit}.{variable.name}"].append(values)
 
-    def save(self) -> Any:
-        """Return times, values (t, n) and texts, for a file."""
+    def save(self) -> dict[str, Any]:
+        """Return times (t,), values (t, n) and texts, for a checkpoint."""
         stacked = {name: self._stacked(name) for name in self.values}
         return {
             "times": np.array(self.times),
@@ -78,8 +78,8 @@ class Recorder:
             },
         }
 
-    def restore(self, saved: Any) -> None:
-        """Go on from what was saved."""
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Go on from the content of a checkpoint."""
         self.times, self._windows = saved["times"].tolist(), saved["windows"]
         for name, rows in saved["values"].items():
             self.values[name] = list(rows)
@@ -87,9 +87,10 @@ class Recorder:
             self.values[name] = [np.array(row, dtype=object) for row in rows]
 
     def groups(self, attributes: Mapping[str, Any]) -> dict[str, xr.Dataset]:
-        """Return datasets by group: the times at the root, one group for every unit.
+        """Return datasets by group: the times at the root, and a group for every unit.
 
-        A variable is named as in the unit, with ``.`` and brackets replaced; ``fmi_name`` keeps it.
+        A variable has the name that it has in the unit, with ``.`` and brackets replaced. Its
+        attribute ``fmi_name`` keeps the original.
         """
         import xarray as xr
 
@@ -97,13 +98,13 @@ class Recorder:
         about = {"Conventions": "CF-1.11", **attributes}
         groups = {"/": xr.Dataset(coords={"time": time}, attrs=about)}
         for unit, variables in self.variables.items():
-            found: dict[str, Any] = {}
+            columns: dict[str, tuple] = {}
             for variable in variables:
-                name = _netcdf_name(variable.name, found)
-                found[name] = self._variable(unit, variable)
+                name = _netcdf_name(variable.name, columns)
+                columns[name] = self._variable(unit, variable)
             description = self.parts[unit].description
             groups[unit] = xr.Dataset(
-                found,
+                columns,
                 coords={"time": time},
                 attrs={
                     "unit": unit,
@@ -114,11 +115,14 @@ class Recorder:
             )
         return groups
 
-    def _stacked(self, name: str) -> NDArray[Any]:
+    def _stacked(self, name: str) -> VariableValues:
         rows = self.values[name]
         return np.stack(rows) if rows else np.empty((0, 0))
 
-    def _variable(self, unit: str, variable: Variable) -> Any:
+    def _variable(
+        self, unit: str, variable: Variable
+    ) -> tuple[tuple[str, ...], VariableValues, dict[str, Any]]:
+        """Return dimensions, values and attributes of a variable."""
         rows = self._stacked(f"{unit}.{variable.name}")
         attributes: dict[str, Any] = {
             "units": variable.unit_text,
@@ -138,15 +142,15 @@ class Recorder:
 
 
 def chosen(parts: Mapping[str, FmuPart], entry: RecorderEntry) -> dict[str, list[Variable]]:
-    """Return what is recorded of every unit.
+    """Return the variables that are recorded, by the name of the unit.
 
-    A pattern with a star means outputs; named in full, any variable is recorded.
+    A pattern with a star stands for outputs. A full name stands for any variable.
 
     Raises
     ------
     InputError : a name without a star that no unit has, or a pattern that nothing fits.
     """
-    found: dict[str, list[Variable]] = {name: [] for name in parts}
+    recorded: dict[str, list[Variable]] = {name: [] for name in parts}
     for number, pattern in enumerate(entry.variables):
         key = f"recorder.variables[{number}]"
         unit, _, name = pattern.partition(".")
@@ -162,9 +166,9 @@ def chosen(parts: Mapping[str, FmuPart], entry: RecorderEntry) -> dict[str, list
             if not matching and pattern != "*.*":
                 raise InputError(f'no output fits "{pattern}"', key=key)
         for owner, variable in matching:
-            if variable not in found[owner]:
-                found[owner].append(variable)
-    return {name: variables for name, variables in found.items() if variables}
+            if variable not in recorded[owner]:
+                recorded[owner].append(variable)
+    return {name: variables for name, variables in recorded.items() if variables}
 
 
 def _matching(
@@ -182,8 +186,8 @@ def _matching(
     ]
 
 
-def _netcdf_name(name: str, taken: Mapping[str, Any]) -> str:
-    """Return a name that netCDF and its readers take, different from those taken."""
+def _netcdf_name(name: str, taken: Mapping[str, object]) -> str:
+    """Return a name that netCDF and its readers accept, and that is not yet taken."""
     plain = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in name)
     plain = plain.strip("_") or "variable"
     plain = f"v_{plain}" if plain[0].isdigit() or plain == "time" else plain
@@ -194,7 +198,7 @@ def _netcdf_name(name: str, taken: Mapping[str, Any]) -> str:
 
 
 def final_values(recorder: Recorder) -> dict[str, Any]:
-    """Return the last value of every scalar by its full name."""
+    """Return the last value, of numpy or a text, of every scalar by its full name."""
     return {
         f"{unit}.{variable.name}": recorder.values[f"{unit}.{variable.name}"][-1][0]
         for unit, variables in recorder.variables.items()
@@ -204,7 +208,7 @@ def final_values(recorder: Recorder) -> dict[str, Any]:
 
 
 def scalars_of(recorder: Recorder) -> Sequence[tuple[str, Variable]]:
-    """Return unit and variable of everything but texts that was recorded."""
+    """Return unit and variable of all recorded variables but texts."""
     return [
         (unit, variable)
         for unit, variables in recorder.variables.items()
@@ -213,7 +217,7 @@ def scalars_of(recorder: Recorder) -> Sequence[tuple[str, Variable]]:
     ]
 
 
-# --- picture: a panel shows what a unit gives in one unit of measure ------------------------------
+# --- picture: a panel for the variables of a unit in one unit of measurement ----------------------
 
 
 #: Most panels of the picture, and most curves of one.
@@ -222,13 +226,13 @@ MOST_CURVES = len(SERIES)
 
 
 def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
-    """Draw what was recorded; return a remark on what found no place, or nothing.
+    """Draw the recorded variables; return a remark where some are left out, else an empty text.
 
     Of a field the mean is drawn, in a band from the least to the largest value.
 
     Raises
     ------
-    InputError : the place cannot be written.
+    InputError : the file cannot be written.
     """
     panels = _panels(recorder)
     shown = panels[:MOST_PANELS]
@@ -260,8 +264,8 @@ def draw_signals(path: Path | str, recorder: Recorder, title: str) -> str:
 def _panels(recorder: Recorder) -> list[tuple[str, list[Variable]]]:
     groups: dict[tuple[str, str, bool, bool], list[Variable]] = {}
     for unit, variable in scalars_of(recorder):
-        kind = (unit, variable.unit_text, variable.is_field, variable.is_real)
-        groups.setdefault(kind, []).append(variable)
+        shared = (unit, variable.unit_text, variable.is_field, variable.is_real)
+        groups.setdefault(shared, []).append(variable)
     return [
         (unit, group[first : first + MOST_CURVES])
         for (unit, *_), group in groups.items()
@@ -269,11 +273,11 @@ def _panels(recorder: Recorder) -> list[tuple[str, list[Variable]]]:
     ]
 
 
-def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable]) -> None:
+def _draw_panel(axis: Axes, recorder: Recorder, unit: str, group: list[Variable]) -> None:
     times = np.array(recorder.times)
     for variable, colour in zip(group, SERIES):
         rows = np.stack(recorder.values[f"{unit}.{variable.name}"]).astype(np.float64)
-        # what changes in jumps keeps its value until the next point
+        # values that change in jumps stay until the next point
         style = "default" if variable.is_signal else "steps-post"
         if variable.is_field:
             least, most = rows.min(axis=1), rows.max(axis=1)
@@ -291,11 +295,14 @@ def _draw_panel(axis: Any, recorder: Recorder, unit: str, group: list[Variable])
     axis.legend(loc="best", fontsize=6.5, frameon=True, framealpha=0.8, edgecolor="none")
 
 
-# --- how it went, for summary.json and as a table -------------------------------------------------
+# --- summary, for summary.json and as a table -----------------------------------------------------
 
 
 def summary_of(assembly: Assembly, recorder: Recorder, wall_s: float) -> dict[str, Any]:
-    """Return the summary without its state, in plain values."""
+    """Return the summary in plain values, without the state of the run.
+
+    wall_s : wall-clock time of the run so far [s].
+    """
     system, coupled = assembly.system, assembly.coupled
     history = coupled.history
     return {
@@ -323,7 +330,7 @@ def summary_of(assembly: Assembly, recorder: Recorder, wall_s: float) -> dict[st
     }
 
 
-def _unit(part: Any) -> dict[str, Any]:
+def _unit(part: FmuPart) -> dict[str, Any]:
     spent, description = part.spent, part.description
     return {
         "fmu": part.file.name,
@@ -346,7 +353,7 @@ def _unit(part: Any) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any) -> bool | int | float | str:
     return value.item() if hasattr(value, "item") else value
 
 

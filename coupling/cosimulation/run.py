@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.assembly import Assembly, assemble
 from lcmchain.coupling.cosimulation.instance import EndRequested
@@ -28,6 +27,7 @@ from lcmchain.coupling.iteration.checkpoint import (
     write_archive,
 )
 from lcmchain.coupling.iteration.history import IterationRecord, WindowRecord
+from lcmchain.coupling.iteration.interface import Values
 from lcmchain.coupling.iteration.plot import draw_history
 from lcmchain.errors import (
     InputError,
@@ -49,24 +49,21 @@ from lcmchain.results import (
     write_summary,
 )
 
-# --- whether an explicit coupling diverges: its fields swing from window to window and grow -------
+# --- divergence of an explicit coupling: its fields swing from window to window and grow ----------
 
-
-Values = NDArray[np.float64]
-
-#: A swing that grows by less per window may fade again.
+#: Least growth of a swing per window; one that grows less may fade again.
 LEAST_GROWTH = 1.05
-#: So many growing swings in a row, and so large a growth together, are no answer of the units.
+#: Growing swings in a row, and their growth in total, from which on the coupling diverges.
 LEAST_SWINGS = 8
 LEAST_TOTAL = 1e3
 #: Cosine between two changes below which the later one takes back the earlier one.
 OPPOSITE = -0.9
-#: Growth over the first size that no use has, whatever its course.
+#: Growth of a field over its first size that counts as divergence, with or without swings.
 BEYOND_USE = 1e15
 
 
 class CouplingDiverges(SimulationError):
-    """An explicit scheme whose fields grow from window to window without end."""
+    """The fields of an explicit scheme grow from window to window without end."""
 
 
 @dataclass
@@ -81,8 +78,12 @@ class _Swing:
 class DivergenceWatch:
     """Follows the exchanged fields over the windows of an explicit scheme.
 
-    Between two units that go one after the other an error changes its sign with every window,
-    between two that go at once with every second one; a solution that is resolved does neither.
+    An error changes its sign with every window between units that step one after the other, and
+    with every second window between units that step at once. A resolved solution does neither.
+
+    Parameters
+    ----------
+    names : of the exchanged fields.
     """
 
     names: Sequence[str]
@@ -92,19 +93,19 @@ class DivergenceWatch:
     _first: dict[int, float] = field(default_factory=dict)
 
     def follow(self, fields: Sequence[Values]) -> str:
-        """Take the fields at the end of a window; return what diverges in words, or nothing."""
-        found = ""
+        """Take the fields at the end of a window; return in words what diverges, else nothing."""
+        problem = ""
         if self._before is not None:
             changes = [now - before for now, before in zip(fields, self._before)]
             for number, change in enumerate(changes):
-                found = found or self._judge(number, change, fields[number])
+                problem = problem or self._judge(number, change, fields[number])
             self._changes.insert(0, changes)
             del self._changes[2:]
         self._before = [values.copy() for values in fields]
-        return found
+        return problem
 
     def growing(self) -> str:
-        """Return the field that has swung most often in a row by now; nothing below three times."""
+        """Return the field with most growing swings in a row; empty below three."""
         most = max(self._swings, key=lambda key: self._swings[key].count, default=None)
         if most is None or self._swings[most].count < 3:
             return ""
@@ -119,7 +120,7 @@ class DivergenceWatch:
             earlier = self._changes[distance - 1][number]
             swing = self._swings.setdefault((number, distance), _Swing())
             before = float(np.linalg.norm(earlier))
-            if size == before == 0.0:  # two units that go at once: nothing in between
+            if size == before == 0.0:  # units that step at once: every second change is zero
                 continue
             opposite = float(change @ earlier) < OPPOSITE * size * before
             if not (opposite and size > LEAST_GROWTH * before > 0.0):
@@ -144,7 +145,7 @@ class DivergenceWatch:
 def advice(cannot_return: Sequence[str]) -> str:
     """Return what to do where an explicit scheme diverges.
 
-    cannot_return : units without states to go back to.
+    cannot_return : units that cannot restore an earlier state.
     """
     text = (
         "The units answer to each other more strongly than an explicit scheme can follow; smaller "
@@ -161,7 +162,7 @@ def advice(cannot_return: Sequence[str]) -> str:
     return text
 
 
-# --- checkpoint: all that is needed to go on as if it had never stopped ---------------------------
+# --- checkpoint: the whole state, so that a run goes on as if it had never stopped ----------------
 
 
 CHECKPOINT = "cosimulation_checkpoint.npz"
@@ -171,13 +172,15 @@ _SYSTEM = "settings of the system"
 
 
 def fingerprint_of(assembly: Assembly) -> dict[str, str]:
-    """Return hashes of what decides the numbers, by what they are of."""
+    """Return hashes of all that the results depend on: units and settings, by name."""
     units = {f'unit "{name}"': part.sha256 for name, part in assembly.parts.items()}
     return {**units, _SYSTEM: assembly.system.digest()}
 
 
 def write_checkpoint(path: Path, assembly: Assembly, recorder: Recorder, wall_s: float) -> None:
     """Write the state between two windows, whole or not at all.
+
+    wall_s : wall-clock time of the run so far [s].
 
     Raises
     ------
@@ -195,15 +198,15 @@ def write_checkpoint(path: Path, assembly: Assembly, recorder: Recorder, wall_s:
 
 
 def restore_checkpoint(path: Path, assembly: Assembly, recorder: Recorder) -> float:
-    """Bring system and recorder to a checkpoint; return the time spent before it [s].
+    """Restore system and recorder; return the wall-clock time spent before the checkpoint [s].
 
     Raises
     ------
     InputError : there is none, it is damaged, or it belongs to other units or settings.
     """
-    header, found = read_archive(path, _FORM, "simulate without --resume")
+    header, stored = read_archive(path, _FORM, "simulate without --resume")
     _require_same(header["fingerprint"], fingerprint_of(assembly), path)
-    arrays = [found[f"array_{number}"] for number in range(header["count"])]
+    arrays = [stored[f"array_{number}"] for number in range(header["count"])]
     kept = restored(header["tree"], arrays, RECORDS)
     assembly.coupled.restore(kept["system"])
     recorder.restore(kept["recorder"])
@@ -213,14 +216,14 @@ def restore_checkpoint(path: Path, assembly: Assembly, recorder: Recorder) -> fl
     return kept["wall_s"]
 
 
-def _require_same(found: dict[str, str], wanted: dict[str, str], path: Path) -> None:
-    other = [what for what in {**wanted, **found} if found.get(what) != wanted.get(what)]
-    if other:
-        told = ", ".join(
-            f"{what} ({_short(found, what)} then, {_short(wanted, what)} now)" for what in other
+def _require_same(then: dict[str, str], now: dict[str, str], path: Path) -> None:
+    differing = [what for what in {**now, **then} if then.get(what) != now.get(what)]
+    if differing:
+        changes = ", ".join(
+            f"{what} ({_short(then, what)} then, {_short(now, what)} now)" for what in differing
         )
         raise InputError(
-            f"the checkpoint was written with something else: {told}; go on with the same units "
+            f"the checkpoint was written with something else: {changes}; go on with the same units "
             "and settings, or simulate without --resume",
             file=path,
         )
@@ -233,15 +236,16 @@ def _short(hashes: dict[str, str], what: str) -> str:
 # --- the run --------------------------------------------------------------------------------------
 
 
-#: A checkpoint is written after this time of computing [s].
+#: Wall-clock time between two checkpoints [s].
 CHECKPOINT_INTERVAL = 30.0
-#: The record on disk grows after this time of computing [s], or later where writing it takes long:
-#: it is written whole, so that readers never see a part, and may take this share of the run.
+#: Least wall-clock time between two writings of the record [s], and the most that writing may take
+#: of the run. The record is written whole each time, so that a reader never sees half of it.
 RECORD_INTERVAL, RECORD_SHARE = 5.0, 0.05
 
 NETCDF, SIGNALS, CONVERGENCE = "cosimulation.nc", "signals.png", "convergence.png"
 FILES = (NETCDF, SIGNALS, CONVERGENCE, CHECKPOINT, "summary.json", "lcmchain.log")
 
+#: Takes the time reached [s], the end [s] and a text.
 Progress = Callable[[float, float, str], None]
 
 
@@ -259,14 +263,14 @@ def run_system(
     ----------
     out : folder of the results; earlier ones are set aside until these are complete.
     resume : go on from the checkpoint in ``out``; bit-identical to a run without a stop.
-    progress : called with (completed, total, text).
-    inputs : files that must not be written over, beside the units.
+    progress : called with (time reached, end, text).
+    inputs : files that must not be overwritten, besides the units.
 
     Raises
     ------
     InputError : the system does not fit together; nothing was computed.
     SimulationError : a unit failed, a window did not converge, or an explicit scheme diverges;
-        what was recorded up to then is written.
+        the record up to then is written.
     SimulationInterrupted : the user stopped it; a checkpoint was left.
     """
     folder = Path(out)
@@ -277,14 +281,14 @@ def run_system(
         tempfile.TemporaryDirectory(prefix="lcmchain-cosimulation-") as unpacked,
     ):
         results.require_apart(FILES)
-        said = _Said(progress)
-        said.tell(system.start_time, system.stop_time, "loading the units")
-        with assemble(system, Path(unpacked), said.log) as assembly:
-            job = _Job(assembly, folder, said)
+        reports = _Reports(progress)
+        reports.tell(system.start_time, system.stop_time, "loading the units")
+        with assemble(system, Path(unpacked), reports.log) as assembly:
+            job = _Job(assembly, folder, reports)
             if resume:
                 job.resume()
             results.begin(resume=resume)
-            said.begin(folder)
+            reports.begin(folder)
             try:
                 job.go()
             except BaseException as error:
@@ -295,8 +299,8 @@ def run_system(
     return job.summary
 
 
-class _Said:
-    """Progress and log; what is said before the folder is ready waits."""
+class _Reports:
+    """Progress and log; lines for the log wait until the folder is ready."""
 
     def __init__(self, progress: Progress | None) -> None:
         self._waiting: list[str] = []
@@ -320,8 +324,8 @@ class _Said:
 class _Job:
     """One run of an assembled system."""
 
-    def __init__(self, assembly: Assembly, folder: Path, said: _Said) -> None:
-        self.assembly, self.folder, self.said = assembly, folder, said
+    def __init__(self, assembly: Assembly, folder: Path, reports: _Reports) -> None:
+        self.assembly, self.folder, self.reports = assembly, folder, reports
         self.system = assembly.system
         self.recorder = Recorder(
             assembly.parts, chosen(assembly.parts, self.system.recorder), self.system.recorder.every
@@ -329,15 +333,15 @@ class _Job:
         self.summary: dict[str, Any] = {}
         self._watch = DivergenceWatch(assembly.coupled.history.exchanges)
         self._wall_before = 0.0
-        self._started = self._saved = self._grown = clock.perf_counter()
+        self._started = self._saved = self._recorded = clock.perf_counter()
         self._record_cost = 0.0
         self._saved_time: float | None = None
         descriptions = {name: part.description for name, part in assembly.parts.items()}
-        silent = [n for n, d in descriptions.items() if not (d.can_save and d.can_serialise)]
-        self._can_save = not silent
-        if silent:
-            names = ", ".join(f'"{name}"' for name in silent)
-            self.said.log(f"remark: no checkpoints, because {names} cannot write a state")
+        unable = [n for n, d in descriptions.items() if not (d.can_save and d.can_serialise)]
+        self._can_save = not unable
+        if unable:
+            names = ", ".join(f'"{name}"' for name in unable)
+            self.reports.log(f"remark: no checkpoints, because {names} cannot write a state")
 
     @property
     def wall_s(self) -> float:
@@ -366,7 +370,7 @@ class _Job:
                 raise SimulationInterrupted(self._left(error)) from error
         self.write_results(COMPLETE)
         self._write_summary(COMPLETE)
-        self.said.log(COMPLETE)
+        self.reports.log(COMPLETE)
 
     def _after_window(self, coupled: CoupledSystem) -> None:
         end = self.system.stop_time
@@ -374,13 +378,13 @@ class _Job:
         ending = [name for name, part in self.assembly.parts.items() if part.wants_end]
         last = coupled.time >= end or self._stop.is_set() or bool(ending)
         self.recorder.take(coupled.time, last=last)
-        self.said.tell(coupled.time, end, f"simulating, {coupled.time:.6g} s")
+        self.reports.tell(coupled.time, end, f"simulating, {coupled.time:.6g} s")
         if self.system.scheme.explicit:
-            found = self._watch.follow(coupled.exchanged)
-            if found:
+            problem = self._watch.follow(coupled.exchanged)
+            if problem:
                 raise CouplingDiverges(
                     f"the explicit coupling ({coupled.scheme.name}) diverges at {coupled.time:g} "
-                    f"s: {found}. {advice(self._one_way())}"
+                    f"s: {problem}. {advice(self._cannot_return())}"
                 )
         if ending and coupled.time < end:
             raise SimulationError(
@@ -393,7 +397,7 @@ class _Job:
         if self._can_save and clock.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
             self._save()
         wait = max(RECORD_INTERVAL, self._record_cost / RECORD_SHARE)
-        if coupled.time < end and clock.perf_counter() - self._grown > wait:
+        if coupled.time < end and clock.perf_counter() - self._recorded > wait:
             self._write_record(RUNNING)
             self._write_summary(RUNNING)
 
@@ -405,7 +409,7 @@ class _Job:
         return f"{where}; the same command with --resume goes on from here"
 
     def _left(self, error: LeftInCall) -> str:
-        """Return what to do about a run that was left within a window."""
+        """Return the message on a run that was stopped within a window."""
         where = f"stopped at {self.assembly.coupled.time:g} s of {self.system.stop_time:g} s"
         if self._saved_time is None:
             return f"{where}: {error}; there is no checkpoint"
@@ -420,12 +424,12 @@ class _Job:
         self._saved = clock.perf_counter()
         self._write_summary(RUNNING)
 
-    def _one_way(self) -> list[str]:
+    def _cannot_return(self) -> list[str]:
         parts = self.assembly.parts.items()
         return [name for name, part in parts if not part.description.can_save]
 
     def _explained(self, error: PartFailed | NotConverged | NotSettled) -> SimulationError:
-        """Return an error in the words of the system's file."""
+        """Return an error with remedies in the words of the system's file."""
         text = str(error)
         if isinstance(error.__cause__, EndRequested):
             part = error.part if isinstance(error, PartFailed) else ""
@@ -450,7 +454,7 @@ class _Job:
             text = (
                 f"{text}. Before that the explicit coupling had begun to diverge: "
                 f"{self._watch.growing()} swings from window to window and grows. "
-                f"{advice(self._one_way())}"
+                f"{advice(self._cannot_return())}"
             )
         elif "refused the step" in text and self.system.window.smallest is None:
             text += (
@@ -460,10 +464,10 @@ class _Job:
         return SimulationError(text)
 
     def end(self, error: BaseException) -> None:
-        """Give account of a run that has not come to its end, as far as that can be written."""
+        """Write the results and the reason of a run that did not reach its end, where possible."""
         asked_for = isinstance(error, KeyboardInterrupt | SimulationInterrupted)
         state = INTERRUPTED if asked_for else stopped(str(error) or type(error).__name__)
-        self.said.log(f"{state.partition(':')[0]}: {error or type(error).__name__}")
+        self.reports.log(f"{state.partition(':')[0]}: {error or type(error).__name__}")
         with suppress(OSError, LcmchainError):
             if asked_for or isinstance(error, LcmchainError):
                 self.write_results(state)
@@ -474,7 +478,7 @@ class _Job:
             error.where = f"What was recorded up to {last:g} s is in {self.folder / NETCDF}"
 
     def _write_record(self, state: str) -> None:
-        """Write what was recorded so far, whole or not at all."""
+        """Write the record so far, whole or not at all."""
         begin = clock.perf_counter()
         about = {
             "title": self.system.title,
@@ -485,13 +489,13 @@ class _Job:
         groups = self.recorder.groups(about)
         groups[CONVERGENCE_GROUP] = self.assembly.coupled.history.dataset()
         write_netcdf(self.folder / NETCDF, groups)
-        self._grown = clock.perf_counter()
-        self._record_cost = self._grown - begin
+        self._recorded = clock.perf_counter()
+        self._record_cost = self._recorded - begin
 
     def write_results(self, state: str) -> None:
         """Write the record and the pictures."""
         coupled, title = self.assembly.coupled, self.system.title
-        self.said.tell(coupled.time, self.system.stop_time, "writing the record")
+        self.reports.tell(coupled.time, self.system.stop_time, "writing the record")
         self._write_record(state)
         remark = draw_signals(self.folder / SIGNALS, self.recorder, title)
         if remark and remark not in self.assembly.remarks:

@@ -1,20 +1,18 @@
-"""Values that a user gives units before they start, read with their units of measurement.
+"""Start values that a user sets in a system, checked against the variables of its units.
 
-Start values are checked against their variables. Structural parameters of FMI 3.0 give arrays
-their sizes: a master sets them in the configuration mode of a unit, right after it was made. The
-arrays take their new sizes here and in the unit, and what they held is lost.
+Structural parameters of FMI 3.0 are the sizes of arrays: a master sets them in the configuration
+mode of a unit, right after it was made. The arrays take their new sizes here and in the unit, and
+lose their start values.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.description import UnitDescription
 from lcmchain.coupling.cosimulation.physical_units import (
@@ -23,24 +21,39 @@ from lcmchain.coupling.cosimulation.physical_units import (
     unit_from_name,
     value_of,
 )
-from lcmchain.coupling.cosimulation.variable import STRUCTURAL, TRUTHS, Variable
+from lcmchain.coupling.cosimulation.variable import (
+    STRUCTURAL,
+    TRUTHS,
+    Variable,
+    VariableValues,
+)
 from lcmchain.errors import InputError, shortened
+
+#: One value of a variable.
+Scalar = bool | int | float | str
+#: Units of measurement that the description of a unit defines, by name.
+_Known = Mapping[str, PhysicalUnit]
 
 
 def start_values(
-    unit: str, description: UnitDescription, given: Mapping[str, Any]
-) -> list[tuple[Variable, Any]]:
+    unit: str, description: UnitDescription, entries: Mapping[str, object]
+) -> list[tuple[Variable, VariableValues]]:
     """Return variables and their values (n,) in the unit's own types and units of measurement.
 
-    Structural parameters, which :func:`.structural_parameters.configure` reads, are left out.
+    Structural parameters, which :func:`configure` reads, are left out.
+
+    Parameters
+    ----------
+    unit : its name in the system.
+    entries : start values by variable, as they stand in the file of a system.
 
     Raises
     ------
     InputError : no such variable, one that cannot be set, or a value that does not fit; names the
         key.
     """
-    found = []
-    for name, value in given.items():
+    settings = []
+    for name, value in entries.items():
         key = f"units.{unit}.start.{name}"
         try:
             variable = description.find(name)
@@ -48,8 +61,8 @@ def start_values(
             raise InputError(error.message, key=key) from None
         if variable.causality != STRUCTURAL:
             _require_settable(variable, key)
-            found.append((variable, values_of(variable, value, description.units, key)))
-    return found
+            settings.append((variable, values_of(variable, value, description.units, key)))
+    return settings
 
 
 def with_declared_units(
@@ -58,9 +71,9 @@ def with_declared_units(
     quantities: Mapping[str, str],
     known: Mapping[str, PhysicalUnit],
 ) -> None:
-    """Give variables without a unit of their own the one that the file of the system states.
+    """Give variables without a unit of measurement the one that the file of the system states.
 
-    known : units that the system defines; those that the unit defines go before.
+    known : units of measurement that the system defines; those of the unit go before them.
 
     Raises
     ------
@@ -92,37 +105,37 @@ def _require_settable(variable: Variable, key: str) -> None:
         )
 
 
-#: Units that the description of the unit defines, by name.
-_Known = Mapping[str, PhysicalUnit]
-
-
-def values_of(variable: Variable, value: Any, known: _Known, key: str) -> NDArray[Any]:
+def values_of(variable: Variable, entry: object, known: _Known, key: str) -> VariableValues:
     """Return the values (n,) of a variable in its own type and unit of measurement.
 
     Parameters
     ----------
-    value : as the file of a system has it; one for all, or a list.
+    entry : from the file of a system; one value for all, or a list.
+    known : units of measurement that the unit defines, by name.
+    key : of the entry, for messages.
 
     Raises
     ------
     InputError : another number of values, or one that does not fit.
     """
-    listed = isinstance(value, (list, tuple))
-    if listed and len(value) != variable.size:
+    entries: Sequence[object] | None = entry if isinstance(entry, (list, tuple)) else None
+    if entries is not None and len(entries) != variable.size:
         owners = [owner for owner in variable.dimensions if isinstance(owner, str)]
         sizes = f" (its size is given by {', '.join(owners)})" if owners else ""
         raise InputError(
-            f"has {len(value)} values, but the variable has {variable.size}{sizes}; give that "
+            f"has {len(entries)} values, but the variable has {variable.size}{sizes}; give that "
             "many, or one for all",
             key=key,
         )
-    entries = [_value(variable, entry, known, key) for entry in (value if listed else [value])]
     values = np.empty(variable.size, dtype=variable.dtype)
-    values[:] = entries if listed else entries[0]
+    if entries is None:
+        values[:] = _value(variable, entry, known, key)
+    else:
+        values[:] = [_value(variable, one, known, key) for one in entries]
     return values
 
 
-def _value(variable: Variable, value: Any, known: _Known, key: str) -> Any:
+def _value(variable: Variable, value: object, known: _Known, key: str) -> Scalar:
     kind = variable.type_name
     if variable.is_text:
         if not isinstance(value, str):
@@ -142,7 +155,7 @@ def _value(variable: Variable, value: Any, known: _Known, key: str) -> Any:
     return value
 
 
-def _real(variable: Variable, value: Any, known: _Known, key: str) -> float:
+def _real(variable: Variable, value: object, known: _Known, key: str) -> float:
     unit = variable.unit
     if isinstance(value, dict) and set(value) == {"value"}:  # in the variable's own unit
         value, unit = value["value"], None
@@ -172,13 +185,13 @@ def _real(variable: Variable, value: Any, known: _Known, key: str) -> float:
 
 # --- structural parameters (FMI 3.0.2, 2.3.3 and 2.4.7.3) -----------------------------------------
 
-#: Entries of an array beyond which a size is a mistake.
+#: Most entries of an array; a larger size is a mistake.
 MOST_ENTRIES = 100_000_000
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """What is set in the configuration mode of a unit.
+    """What a master sets in the configuration mode of a unit.
 
     Parameters
     ----------
@@ -186,21 +199,22 @@ class Configuration:
     resized : names of the arrays whose size has changed; their start values are gone.
     """
 
-    settings: tuple[tuple[Variable, NDArray[Any]], ...] = ()
+    settings: tuple[tuple[Variable, VariableValues], ...] = ()
     resized: tuple[str, ...] = ()
 
 
 def configure(
-    unit: str, description: UnitDescription, given: Mapping[str, Any]
+    unit: str, description: UnitDescription, entries: Mapping[str, object]
 ) -> tuple[UnitDescription, Configuration]:
-    """Return a unit with the sizes that its start values ask for, and what is to be set for them.
+    """Return a unit with the sizes that its start values ask for, and what to set for them.
 
-    A structural parameter with the value that the unit was exported with is not set: a unit that
-    has no configuration mode takes that too.
+    A structural parameter that keeps its exported value is not set, so that a unit without
+    configuration mode takes it too.
 
     Parameters
     ----------
-    given : start values of the unit, of structural parameters and others.
+    unit : its name in the system.
+    entries : start values of the unit, of structural parameters and others.
 
     Raises
     ------
@@ -208,16 +222,16 @@ def configure(
         beyond all memory; names the key.
     """
     settings, texts = [], {}
-    for name, value in given.items():
+    for name, value in entries.items():
         variable = description.variables.get(name)
         if variable is None or variable.causality != STRUCTURAL:
             continue
         key = f"units.{unit}.start.{name}"
         values = values_of(variable, value, description.units, key)
         _require_within(variable, values[0], key)
-        if _text(variable, values[0]) != _own_text(variable):
+        if value_text(variable, values[0]) != _own_text(variable):
             settings.append((variable, values))
-            texts[name] = _text(variable, values[0])
+            texts[name] = value_text(variable, values[0])
     if not settings:
         return description, Configuration()
     variables = dict(description.variables)
@@ -246,7 +260,7 @@ def configure(
 def without_values(
     description: UnitDescription, configuration: Configuration, known: set[str]
 ) -> Iterator[str]:
-    """Yield in a sentence that arrays that were resized have no values any more.
+    """Yield a sentence where arrays that were resized have no values any more.
 
     Parameters
     ----------
@@ -269,7 +283,7 @@ def _size_of(owner: int | str, variables: Mapping[str, Variable]) -> int:
     return owner if isinstance(owner, int) else int(variables[owner].start[0])
 
 
-def _require_within(variable: Variable, value: Any, key: str) -> None:
+def _require_within(variable: Variable, value: float, key: str) -> None:
     """Refuse a value beyond the limits that the unit states."""
     low, high = variable.limits
     if (low is not None and value < low) or (high is not None and value > high):
@@ -281,8 +295,8 @@ def _require_within(variable: Variable, value: Any, key: str) -> None:
         )
 
 
-def _text(variable: Variable, value: Any) -> str:
-    """Return a value as one text, whatever it was written as."""
+def value_text(variable: Variable, value: Scalar) -> str:
+    """Return one value, of Python or numpy, as the text that stands for it in XML."""
     if variable.is_text:
         return str(value)
     if variable.kind in TRUTHS:
@@ -291,11 +305,11 @@ def _text(variable: Variable, value: Any) -> str:
 
 
 def _own_text(variable: Variable) -> str | None:
-    """Return the value that a unit was exported with in the same form; None where it has none."""
+    """Return the exported value of a variable as such a text; None where it has none."""
     try:
         text = variable.start[0]
         if variable.kind in TRUTHS:
             return {"1": "true", "0": "false"}.get(text, text)
-        return _text(variable, np.array([text]).astype(variable.dtype)[0])
+        return value_text(variable, np.array([text]).astype(variable.dtype)[0])
     except (IndexError, ValueError, OverflowError):
         return None

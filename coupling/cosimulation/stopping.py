@@ -1,4 +1,4 @@
-"""Requests to stop, by Ctrl-C or SIGTERM: how long a call into a unit may go on after one."""
+"""Requests to stop, by Ctrl-C or SIGTERM, and how long a call into a unit may go on after one."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import FrameType
 
-#: How long a call into a unit may go on after a request to stop [s]; a second one ends it at once.
+#: How long a call into a unit may go on after a request to stop [s]; a second request ends it.
 GRACE = 10.0
 
 
@@ -21,7 +21,7 @@ class StopRequests:
         self._latest = 0.0
 
     def note(self) -> None:
-        """Note one more."""
+        """Count one more."""
         self._latest = time.monotonic()
         self.count += 1
 
@@ -34,13 +34,13 @@ class StopRequests:
 
 @contextmanager
 def noting(requests: StopRequests) -> Iterator[None]:
-    """Note Ctrl-C and SIGTERM during the block, beside what the handlers before it do."""
+    """Count Ctrl-C and SIGTERM during the block; the handlers before it are called as well."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def note(number: int, frame: Any) -> None:
+    def note(number: int, frame: FrameType | None) -> None:
         requests.note()
         handler = before[signal.Signals(number)]
         if callable(handler):
@@ -57,7 +57,7 @@ def noting(requests: StopRequests) -> Iterator[None]:
 
 @contextmanager
 def sigterm_as_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, so that temporary folders and processes are ended."""
+    """Let SIGTERM raise KeyboardInterrupt, so that folders are removed and processes ended."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -1,4 +1,4 @@
-"""The file of a system (TOML): units, connections, scheme, windows, what is recorded."""
+"""The file of a system (TOML): units, connections, scheme, windows, recorder."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from lcmchain.scene.reading.overrides import apply_overrides
 from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
 from lcmchain.scene.reading.walk import documents_of
 
-#: Group of the record that no unit may be named like.
+#: Group of the convergence in the record; no unit may have this name.
 CONVERGENCE_GROUP = "coupling"
 
 _LINK = re.compile(r"\s*([^\s.]+)\.(.+?)\s*->\s*([^\s.]+)\.(.+?)\s*")
@@ -153,7 +153,7 @@ class ConnectionEntry(SceneModel):
 
     @property
     def ends(self) -> tuple[str, str, str, str]:
-        """Return source, its variable, target and its variable; of terminals both in order."""
+        """Return source, its variable, target and its variable; or units and their terminals."""
         match = _OF_TERMINALS.fullmatch(self.link) or _LINK.fullmatch(self.link)
         assert match is not None
         source, output, target, name = match.groups()
@@ -240,11 +240,11 @@ class RecorderEntry(SceneModel):
     )
 
 
-def _link_table(value: Any) -> Any:
+def _link_table(value: object) -> object:
     return {"link": value} if isinstance(value, str) else value
 
 
-def _window_table(value: Any) -> Any:
+def _window_table(value: object) -> object:
     return {"size": value} if isinstance(value, (str, int, float)) else value
 
 
@@ -303,7 +303,7 @@ class System(SceneModel):
 
     @property
     def directory(self) -> Path:
-        """Return the folder to which the names of units are relative."""
+        """Return the folder to which paths of units are relative."""
         return self._directory
 
     @property
@@ -313,7 +313,7 @@ class System(SceneModel):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Return what reading it has left open."""
+        """Return messages on what its archive leaves open."""
         return tuple(self._remarks)
 
     @property
@@ -322,15 +322,16 @@ class System(SceneModel):
         return self._measures
 
     def digest(self) -> str:
-        """Return a hash of all that decides the numbers of a run."""
+        """Return a hash of all that the results of a run depend on."""
         apart = {"units": {"__all__": {"process", "step_limit"}}}
-        told = self.model_dump(mode="json", exclude={"title": True, "recorder": True, **apart})
-        for connection in told["connections"]:  # as before there was this entry
+        tables = self.model_dump(mode="json", exclude={"title": True, "recorder": True, **apart})
+        # entries that came later count only where they are set: older checkpoints stay valid
+        for connection in tables["connections"]:
             if not connection["continuous"]:
                 del connection["continuous"]
-        if told["scheme"]["jumps"] == "once":  # likewise
-            del told["scheme"]["jumps"]
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        if tables["scheme"]["jumps"] == "once":
+            del tables["scheme"]["jumps"]
+        return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def read_system(path: Path | str, overrides: Sequence[str] = ()) -> System:
@@ -338,11 +339,11 @@ def read_system(path: Path | str, overrides: Sequence[str] = ()) -> System:
 
     Parameters
     ----------
-    overrides : ``key=value`` texts, as for a scene; units go by their names.
+    overrides : ``key=value`` texts, as for a scene; a unit is addressed by its name.
 
     Raises
     ------
-    InputError : it cannot be read, is no TOML, or entries are wrong; all are named in one message.
+    InputError : it cannot be read, is no TOML, or has wrong entries; one message names them all.
     """
     path = Path(path)
     if path.is_dir():
@@ -363,7 +364,9 @@ def system_from(
 
     Parameters
     ----------
-    path : for messages, and for the folder where ``directory`` is not given.
+    path : for messages; its folder is the default of ``directory``.
+    directory : to which paths of units are relative.
+    text : that it was read from.
 
     Raises
     ------

@@ -1,8 +1,9 @@
-"""Connections of terminals: one line for all variables that two units have to exchange.
+"""Connections of terminals: one line for all variables that two units exchange.
 
-Two terminals are connected member by member: an output of one sets the input of the other that has
-the same name (``plug``, ``bus``) or the same place (``sequence``). Each terminal is held to its own
-matching rule (FMI 3.0.2, 2.4.9): a plug wants all its members connected, a bus takes what there is.
+Two terminals are connected member by member: an output of one sets the input of the other with the
+same name (``plug``, ``bus``) or the same position (``sequence``). Each terminal has a matching rule
+of its own (FMI 3.0.2, 2.4.9): all members of a plug or a sequence must be connected, of a bus only
+those that the other terminal has.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from lcmchain.errors import InputError, shortened
 
 
 def with_variables(system: System, descriptions: Mapping[str, UnitDescription]) -> System:
-    """Return a system whose connections of terminals are those of their variables.
+    """Return a system in which connections of variables replace those of terminals.
 
     Raises
     ------
@@ -33,8 +34,8 @@ def with_variables(system: System, descriptions: Mapping[str, UnitDescription]) 
         return system
     connections = tuple(
         entry
-        for given in system.connections
-        for entry in (_connected(given, descriptions) if given.is_of_terminals else (given,))
+        for stated in system.connections
+        for entry in (_connected(stated, descriptions) if stated.is_of_terminals else (stated,))
     )
     return system.model_copy(update={"connections": connections})
 
@@ -42,7 +43,7 @@ def with_variables(system: System, descriptions: Mapping[str, UnitDescription]) 
 def _connected(
     entry: ConnectionEntry, descriptions: Mapping[str, UnitDescription]
 ) -> list[ConnectionEntry]:
-    """Return the connections of variables that one of terminals stands for."""
+    """Return the connections of variables that a connection of terminals stands for."""
     unit, name, other_unit, other_name = entry.ends
     key = f'connection "{entry.link}"'
     one = _terminal(descriptions[unit], unit, name, key)
@@ -63,18 +64,18 @@ def _connected(
 
 
 def _terminal(description: UnitDescription, unit: str, name: str, key: str) -> Terminal:
-    found = description.terminals.get(name)
-    if found is None:
+    terminal = description.terminals.get(name)
+    if terminal is None:
         known = ", ".join(description.terminals)
         has = f"it has {known}" if known else "it has none; connect its variables one by one"
         raise InputError(f'unit "{unit}" has no terminal "{shortened(name)}"; {has}', key=key)
-    return found
+    return terminal
 
 
 def _nested(
     one: UnitDescription, name: str, other: UnitDescription, other_name: str
 ) -> list[tuple[Terminal, Terminal]]:
-    """Return the terminals within two terminals that have the same path there."""
+    """Return pairs of the terminals that have the same path within two terminals."""
     pairs = []
     for path, terminal in one.terminals.items():
         if path.startswith(f"{name}."):
@@ -92,15 +93,15 @@ def _links(one: _Side, other: _Side, key: str) -> list[str]:
 
     Raises
     ------
-    InputError : the rule of one of them is not kept, or what they have in common is a flow.
+    InputError : the rule of one of them is broken, or a member that both have is a flow.
     """
     (unit, mine, description), (other_unit, theirs, other_description) = one, other
     links: list[str] = []
     connected: tuple[set[int], set[int]] = set(), set()
     for number, other_number in _pairs(mine, theirs, key):
         member, partner = mine.members[number], theirs.members[other_number]
-        gives = _gives(description, member), _gives(other_description, partner)
-        if gives[0] == gives[1]:
+        is_output = _is_output(description, member)
+        if is_output == _is_output(other_description, partner):
             continue
         if {member.kind, partner.kind} != {SIGNAL}:
             raise InputError(
@@ -109,11 +110,11 @@ def _links(one: _Side, other: _Side, key: str) -> list[str]:
                 key=key,
             )
         ends = f"{unit}.{member.variable}", f"{other_unit}.{partner.variable}"
-        links.append(" -> ".join(ends if gives[0] else reversed(ends)))
+        links.append(" -> ".join(ends if is_output else reversed(ends)))
         connected[0].add(number)
         connected[1].add(other_number)
-    for (name, terminal, _), done in zip((one, other), connected):
-        _require_kept(name, terminal, done, key)
+    for (name, terminal, _), numbers in zip((one, other), connected):
+        _require_complete(name, terminal, numbers, key)
     return links
 
 
@@ -136,16 +137,19 @@ def _pairs(one: Terminal, other: Terminal, key: str) -> list[tuple[int, int]]:
                 "which is not known here; connect its variables one by one",
                 key=key,
             )
-    place = {member.name: number for number, member in enumerate(other.members)}
+    number_of = {member.name: number for number, member in enumerate(other.members)}
     return [
-        (number, place[member.name])
+        (number, number_of[member.name])
         for number, member in enumerate(one.members)
-        if member.name in place
+        if member.name in number_of
     ]
 
 
-def _require_kept(unit: str, terminal: Terminal, connected: set[int], key: str) -> None:
-    """Refuse a plug or a sequence of which a member is left over."""
+def _require_complete(unit: str, terminal: Terminal, connected: set[int], key: str) -> None:
+    """Refuse a plug or a sequence with a member that is not connected.
+
+    connected : numbers of its members that are.
+    """
     left = [m.name or m.variable for n, m in enumerate(terminal.members) if n not in connected]
     if terminal.rule != BUS and (left or terminal.has_streams):
         what = ", ".join(left) or "its stream members"
@@ -157,8 +161,8 @@ def _require_kept(unit: str, terminal: Terminal, connected: set[int], key: str) 
         )
 
 
-def _gives(description: UnitDescription, member: Member) -> bool:
-    """Whether a unit gives a member; else it takes it."""
+def _is_output(description: UnitDescription, member: Member) -> bool:
+    """Whether a member is an output of its unit; else it is an input."""
     return description.find(member.variable).causality not in ("input", "parameter")
 
 

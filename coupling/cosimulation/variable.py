@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lcmchain.coupling.cosimulation.physical_units import PhysicalUnit
 
-#: Element types of a variable and how its values lie in memory; a text has none.
+#: VariableValues (n,) of a variable in its own type; objects for texts.
+VariableValues = NDArray[Any]
+
+#: Types of numpy by the types of the standard; texts have none.
 MEMORY = {
     "Real": "f8", "Integer": "i4", "Boolean2": "i4", "Enumeration2": "i4",
     "Float64": "f8", "Float32": "f4", "Int64": "i8", "UInt64": "u8", "Int32": "i4",
@@ -19,24 +23,26 @@ MEMORY = {
 REALS = ("Real", "Float64", "Float32")
 TEXT = "String"
 TRUTHS = ("Boolean", "Boolean2")
-#: Causality of what gives arrays their sizes (FMI 3.0).
+#: Causality of the parameters that hold the sizes of arrays (FMI 3.0).
 STRUCTURAL = "structuralParameter"
-#: Types that nothing is exchanged of.
+#: Types whose values are not exchanged.
 LEFT_OUT = ("Binary", "Clock")
 
 
 @dataclass(frozen=True, eq=False)
 class Variable:
-    """A variable, or several that are the values of one field.
+    """A variable, or the scalars of FMI 2 that form one field.
 
     Parameters
     ----------
-    name : of the variable; of a field of FMI 2 without its index.
+    name : of the variable; of a field of FMI 2 without the index.
     kind : its type in the standard; ``Boolean2`` and ``Enumeration2`` are those of FMI 2.
     references : value references (n,) in FMI 2, (1,) in FMI 3.
-    size : number of its values. is_field : whether it is an array.
+    size : number of its values.
+    is_field : whether it is an array.
     start : texts of the start values, empty where there are none.
-    unit : None where the description states none; ``relative``: it measures differences.
+    unit : None where the description states none.
+    relative : whether it measures differences.
     dimensions : of an array of FMI 3.0: numbers, and names of variables that hold them.
     limits : least and largest value of a structural parameter, None where there is no limit.
     """
@@ -71,7 +77,7 @@ class Variable:
 
     @property
     def dtype(self) -> np.dtype:
-        """Return how its values lie in memory; objects for texts."""
+        """Return the type of its values in memory; objects for texts."""
         return np.dtype(object if self.is_text else MEMORY[self.kind])
 
     @property

@@ -1,4 +1,4 @@
-"""Permeability of the cells of a part: whether they have one, and how it follows compaction."""
+"""Permeability of the cells of a part: its check, and how it follows compaction."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.flow.preform import PermeabilityFactor, kozeny_factor
 from lcmchain.coupling.infiltration.formed_part import NEEDED, FormedPart, fibre_directions
 from lcmchain.coupling.measured_permeability import MeasuredPermeability
@@ -16,7 +15,7 @@ from lcmchain.coupling.permeability import (
     law_of,
     principal_permeabilities,
 )
-from lcmchain.coupling.solids.stack_compaction import StackCompaction
+from lcmchain.coupling.solids.stack_compaction import StackCompaction, compaction_of
 from lcmchain.errors import InputError, SimulationError, first_few
 from lcmchain.mapping.plies import SHARE
 from lcmchain.scene.permeability import Permeability
@@ -80,16 +79,17 @@ def _refuse(
     )
 
 
-# --- how it follows the fibre volume fraction where its law is known ------------------------------
+# --- the permeability over the fibre volume fraction ----------------------------------------------
 
 
 class LawFactor:
-    """Factor on the permeabilities of cells by a law: of the sum of both values in the plane.
+    """Factor on the permeabilities of cells by a law: that of the sum of both values in the plane.
 
     Parameters
     ----------
-    law : of the scene. part : with the fibre directions of its cells.
-    directory : folder to which a file that the law names is relative.
+    law : of the scene.
+    part : with the fibre directions of its cells.
+    directory : folder to which a file of the law is relative.
     """
 
     def __init__(self, law: Permeability, part: FormedPart, directory: Path | None) -> None:
@@ -111,18 +111,19 @@ class LawFactor:
 
 
 class StackFactor:
-    """Factor on the permeabilities of a stack: of the mean of its plies by their thickness.
+    """Factor on the permeabilities of a stack: that of the mean over its plies by thickness.
 
-    Plies that are pressed together share a thickness as they do under one pressure, each by its own
-    law of compaction; a law with memory as when it is first pressed. Each conducts as its own fibre
-    volume fraction says, by the law of permeability or else by Kozeny and Carman from the values
-    that it was formed with; where the file has none of single plies, all conducted alike. Like
-    :class:`LawFactor` it is one factor for both values in the plane.
+    Plies that are pressed together have one pressure, each by its own law of compaction; laws with
+    memory are on first loading. Each ply conducts by its own fibre volume fraction: by the law of
+    permeability, or else by Kozeny and Carman from its values after forming. Where the file has no
+    values of single plies, all have the same ones. Like :class:`LawFactor` it is one factor for
+    both values in the plane.
 
     Parameters
     ----------
-    law : of the scene, None where none is known. part : with the plies of its cells.
-    directory : folder to which a file that the law names is relative.
+    law : of the scene, None where none is known.
+    part : with the plies of its cells.
+    directory : folder to which a file of the law is relative.
     """
 
     def __init__(self, law: Permeability | None, part: FormedPart, directory: Path | None) -> None:
@@ -131,10 +132,11 @@ class StackFactor:
         self.compaction = compaction_of(part)
         assert isinstance(self.compaction, StackCompaction)  # a part with plies
         shares = [np.nan_to_num(part.cell(f"{SHARE}{ply}")) for ply in part.ply_names]
-        own = [part.cell(f"{ply}_fibre_volume_fraction") for ply in part.ply_names]
+        fractions = [part.cell(f"{ply}_fibre_volume_fraction") for ply in part.ply_names]
         #: Fibre volume per area of the cells, and that of every ply (P, C) [m].
         self._fibres = part.cell("fibre_volume_fraction") * part.cell("thickness")
-        self._of_plies = np.nan_to_num(np.stack(own) * np.stack(shares) * part.cell("thickness"))
+        of_plies = np.stack(fractions) * np.stack(shares) * part.cell("thickness")
+        self._of_plies = np.nan_to_num(of_plies)
         self._families: dict[str, list[np.ndarray]] = {}
         if law is not None:
             self._families = {ply: fibre_directions(part, f"{ply}_") for ply in part.ply_names}
@@ -147,7 +149,7 @@ class StackFactor:
         ------
         SimulationError : a fibre volume fraction is out of the range of the law.
         """
-        # Every time step asks for the factor from the same beginning.
+        # every time step asks for the factor from the same begin
         if self._begun is None or not np.array_equal(self._begun[0], before):
             self._begun = before.copy(), self._in_plane(before)
         return self._in_plane(now) / self._begun[1]
@@ -208,12 +210,12 @@ def _by_law(
 def factor_of(
     part: FormedPart, law: Permeability | None, directory: Path | None, *, pressed: bool = False
 ) -> PermeabilityFactor:
-    """Return how the permeability of a part follows its compaction.
+    """Return the factor by which the permeability of a part follows its compaction.
 
-    That is by the law of the case, or else by that of the scene that formed the part. Where there
-    is none, or where it is in a file that is not at hand, it is by Kozeny and Carman.
+    It follows the law of the case, or else that of the scene that formed the part. Without a law,
+    or where its file may be elsewhere by now, it follows Kozeny and Carman.
 
-    pressed : whether a closure presses the part, which then shares a thickness among its plies.
+    pressed : whether a closure presses the part, whose plies then have one pressure.
     """
     if law is None:
         law = formed_permeability(str(part.dataset.attrs.get("scene") or ""))

@@ -102,7 +102,7 @@ FILLING_FIELDS: dict[str, Field] = {field.name: field for field in _FIELDS}
 # --- files ----------------------------------------------------------------------------------------
 
 
-#: Groups of the netCDF file beside the root.
+#: Groups of the netCDF file besides the root.
 HISTORY, DRY_SPOTS, COUPLING = "/history", "/dry_spots", "/coupling"
 SAMPLE = "history_time"
 
@@ -111,7 +111,7 @@ Values = dict[str, np.ndarray]
 
 
 def _filling_values(filled: FilledPart) -> Values:
-    """Return the fields of all saved states by name; cure, temperature and film where they are."""
+    """Return the fields of all saved states by name, without those that the case does not have."""
     density = filled.setup.resin_density
     values = {
         "resin_pressure": filled.pressure,
@@ -138,25 +138,28 @@ def _filling_values(filled: FilledPart) -> Values:
 
 
 def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[str, xr.Dataset]:
-    """Return the groups of the netCDF file: the part with its fields, histories, dry spots."""
+    """Return the groups of the netCDF file: the part with its fields, histories, dry spots.
+
+    attributes : further global attributes.
+    """
     part, mesh = filled.setup.part, filled.setup.part.mesh
     dataset = part.dataset.assign_coords({TIME: _saved_times(filled.time)})
     for name, values in _filling_values(filled).items():
         field = FILLING_FIELDS[name]
         for axis, variable in enumerate(field.variables):
-            own = values[..., axis] if field.is_vector else values
-            told: dict[str, Any] = {**field.attributes(variable), "_FillValue": np.nan}
-            place = mesh.on_cells if field.location == "face" else mesh.on_nodes
-            dataset[variable] = place(np.ascontiguousarray(own), told)
-    for kind, places in (("gate", filled.setup.gates), ("vent", filled.setup.vents)):
-        for place_ in places:
+            component = values[..., axis] if field.is_vector else values
+            about: dict[str, Any] = {**field.attributes(variable), "_FillValue": np.nan}
+            located = mesh.on_cells if field.location == "face" else mesh.on_nodes
+            dataset[variable] = located(np.ascontiguousarray(component), about)
+    for kind, openings in (("gate", filled.setup.gates), ("vent", filled.setup.vents)):
+        for opening in openings:
             marks = np.zeros(len(part.target.points), dtype=np.int8)
-            marks[place_.nodes] = 1
-            about: dict[str, Any] = {
-                "long_name": f"{kind} {place_.name}", "units": "1", "set_name": place_.name,
+            marks[opening.nodes] = 1
+            about = {
+                "long_name": f"{kind} {opening.name}", "units": "1", "set_name": opening.name,
                 "flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "outside member",
             }  # fmt: skip
-            dataset[f"{kind}_{place_.name.replace('-', '_')}"] = mesh.on_nodes(marks, about)
+            dataset[f"{kind}_{opening.name.replace('-', '_')}"] = mesh.on_nodes(marks, about)
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     history = f"{now} filled by lcmchain {__version__}\n{part.dataset.attrs.get('history', '')}"
     dataset.attrs |= {
@@ -180,16 +183,16 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
 
 
 def write_series(path: Path | str, filled: FilledPart) -> None:
-    """Write every saved state as VTU, and the PVD file that lists them at their times."""
+    """Write every saved state as VTU, and the PVD file that lists their times."""
     for frame in range(len(filled.time)):
         write_vtu(frame_file(path, frame), filled, frame)
     write_frame_list(path, filled.time)
 
 
 def write_vtu(path: Path | str, filled: FilledPart, frame: int = -1) -> None:
-    """Write one saved state as VTU, with what the cells are made of; vectors as such.
+    """Write one saved state as VTU, with thickness and material of the cells.
 
-    Values that are not known, as the fill time of dry nodes, are not a number.
+    Values that are not known, such as the fill time of dry nodes, are not a number.
     """
     part = filled.setup.part
     target = part.target
@@ -284,10 +287,10 @@ def _dry_spots(filled: FilledPart) -> xr.Dataset:
     return xr.Dataset(variables, attrs={"Conventions": "CF-1.11"}).set_coords(["dry_spot"])
 
 
-# --- checkpoint: all that a filling needs to go on as if it had never stopped ---------------------
+# --- checkpoint: the whole state, so that a filling goes on as if it had never stopped ------------
 
 
-#: Records that a saved state is made of.
+#: Records within a saved state.
 RECORDS = {
     record.__name__: record
     for record in (
@@ -299,44 +302,46 @@ _FORM = "lcmchain filling 4"
 
 
 def write_checkpoint(
-    path: Path, fingerprint: dict[str, str], state: Any, record: FillingRecord
+    path: Path, fingerprint: dict[str, str], state: object, record: FillingRecord
 ) -> None:
     """Write state and record, whole or not at all.
 
-    fingerprint : hashes of what decides the numbers, by what they are of.
-    state : what a filling, or the mould that closes on it, saves.
+    Parameters
+    ----------
+    fingerprint : hashes of all that the result depends on, by name.
+    state : saved by a filling, or by the mould that closes on it.
     """
-    tree, kept = flattened(state)
-    header = {"fingerprint": fingerprint, "state": tree, "array_count": len(kept)}
-    arrays = {f"state_{number}": array for number, array in enumerate(kept)}
+    tree, of_state = flattened(state)
+    header = {"fingerprint": fingerprint, "state": tree, "array_count": len(of_state)}
+    arrays = {f"state_{number}": array for number, array in enumerate(of_state)}
     for entry in fields(FillingRecord):
         arrays[f"record_{entry.name}"] = np.array(getattr(record, entry.name))
     write_archive(path, _FORM, header, arrays)
 
 
 def read_checkpoint(path: Path, fingerprint: dict[str, str]) -> tuple[Any, FillingRecord]:
-    """Read the checkpoint of the filling with this fingerprint.
+    """Return saved state and record of the filling with this fingerprint.
 
     Raises
     ------
     InputError : there is none, it is damaged, or it belongs to another filling.
     """
     header, arrays = read_archive(path, _FORM, "fill without --resume")
-    found = header["fingerprint"]
-    other = [word for word in fingerprint if found.get(word) != fingerprint[word]]
-    if other:
+    stored = header["fingerprint"]
+    differing = [name for name in fingerprint if stored.get(name) != fingerprint[name]]
+    if differing:
         raise InputError(
-            f"the checkpoint was written for another {' and another '.join(other)}; fill "
+            f"the checkpoint was written for another {' and another '.join(differing)}; fill "
             "without --resume, or into another folder",
             file=path,
         )
-    kept = [arrays[f"state_{number}"] for number in range(header["array_count"])]
+    of_state = [arrays[f"state_{number}"] for number in range(header["array_count"])]
     record = FillingRecord(
         **{e.name: _listed(arrays[f"record_{e.name}"]) for e in fields(FillingRecord)}
     )
-    return restored(header["state"], kept, RECORDS), record
+    return restored(header["state"], of_state, RECORDS), record
 
 
 def _listed(values: np.ndarray) -> list:
-    """A list of the numbers, or of the arrays, that were kept."""
+    """Return a list of the numbers, or of the arrays, in the rows of an array."""
     return values.tolist() if values.ndim == 1 else list(values)

@@ -1,6 +1,6 @@
-"""Filling of a porous sheet with resin: what a caller sees of it.
+"""Filling of a porous sheet with resin.
 
-A filling is a model (:class:`FillingModel`), its state, and what takes the time steps.
+A filling is a model (:class:`FillingModel`), its state, and its time steps.
 """
 
 from __future__ import annotations
@@ -41,21 +41,22 @@ class Filling:
 
     Parameters
     ----------
-    mesh, preform : where, and through what.
+    mesh, preform : of the sheet.
     resin : law of viscosity and cure (:mod:`lcmchain.coupling.infiltration.resin`), or the
         viscosity [Pa s].
     gates, vents : where resin enters and air leaves.
     temperature : of the resin; needed where viscosity or cure depend on it.
-    gravity : acceleration [m/s2], shape (3,); needs a resin with a density.
-    wetted : fill factors at the start, shape (N,), or rows of nodes that are full.
-    film : resin that lies on the sheet and what presses on it.
+    gravity : acceleration (3,) [m/s²]; needs a resin with a density.
+    wetted : fill factors at the start (N,), or rows of nodes that are full.
+    film : resin on the sheet and the pressure on it.
     edges : race tracks.
-    links : where cells of a flow medium lie on the preform, see
+    links : between a flow medium and the preform, see
         :meth:`lcmchain.coupling.infiltration.flow.flow_medium.FlowMedium.layered`.
 
     Raises
     ------
-    InputError : no vent, no source, nodes beyond the mesh, a part of the mesh without a source.
+    InputError : no vent, no source, nodes beyond the mesh, a loose piece of the mesh without a
+        source.
     """
 
     def __init__(
@@ -122,22 +123,22 @@ class Filling:
         )  # fmt: skip
 
     def _check_sources(self) -> None:
-        """Every part of the mesh needs a gate, resin or a film."""
+        """Refuse a loose piece of the mesh without a gate, resin or a film."""
         mesh = self.medium.mesh
         supplied = (self.state.resin_volume > 0.0) | (self.state.film > 0.0)
         for gate in self.supply.gates:
             supplied[gate.nodes] = True
         if not supplied.any():
             raise InputError("there is neither a gate nor resin in or on the sheet; name a gate")
-        part, links = mesh.part_of_node, self.medium.network.links
+        piece, links = mesh.part_of_node, self.medium.network.links
         if links is not None:
-            part = joined_parts(part, links)
-        lost = np.setdiff1d(np.unique(part), part[supplied])
+            piece = joined_parts(piece, links)
+        lost = np.setdiff1d(np.unique(piece), piece[supplied])
         if len(lost):
-            nodes = np.flatnonzero(np.isin(part, lost))
-            place = ", ".join(f"{x:.6g}" for x in mesh.points[nodes].mean(axis=0))
+            nodes = np.flatnonzero(np.isin(piece, lost))
+            centre = ", ".join(f"{x:.6g}" for x in mesh.points[nodes].mean(axis=0))
             raise InputError(
-                f"{len(nodes)} nodes around ({place}) m can never fill: no resin reaches that "
+                f"{len(nodes)} nodes around ({centre}) m can never fill: no resin reaches that "
                 f"part of the mesh ({len(lost)} loose parts); give it a gate, merge doubled "
                 "nodes, or leave it out"
             )
@@ -159,12 +160,12 @@ class Filling:
 
     @property
     def film(self) -> FilmSupply | None:
-        """Resin that lies on the sheet, if there is any."""
+        """Resin on the sheet, if there is any."""
         return self.model.film
 
     @property
     def options(self) -> FillingOptions:
-        """How the filling is computed; others may be given between two steps."""
+        """Numerical options; they may be changed between two steps."""
         return self.model.options
 
     @options.setter
@@ -173,7 +174,7 @@ class Filling:
 
     @property
     def open_faces(self) -> OpenFaces | None:
-        """Where air comes in through the faces, no part of the saved states; None for nowhere."""
+        """Faces through which air comes in, None without; no part of the saved states."""
         return self.model.open_faces
 
     @open_faces.setter
@@ -190,12 +191,12 @@ class Filling:
 
     @property
     def pores(self) -> np.ndarray:
-        """Pore volume of the control volumes now [m3], (N,)."""
+        """Present pore volume of the control volumes (N,) [m³]."""
         return self.medium.pores(self.state.thickness)
 
     @property
     def work(self) -> Work:
-        """Factorisations and solutions of the pressure's equations since the start."""
+        """Numbers of factorisations and solutions of the equations since the start."""
         return self._steps.work
 
     @property
@@ -208,8 +209,8 @@ class Filling:
     ) -> tuple[str, str]:
         """Fill up to a time [s]; return outcome and message (:class:`FillingResult`).
 
-        ``on_step`` is called after every time step; what it raises stops the filling between two
-        steps. A filling in which nothing moves any more stops before.
+        ``on_step`` is called after every time step; an exception of it ends the filling between two
+        steps. A filling in which nothing moves any more ends earlier.
 
         Raises
         ------
@@ -235,7 +236,7 @@ class Filling:
     def run(
         self, until: float, frames: int = 20, on_step: Callable[[Filling], None] | None = None
     ) -> FillingResult:
-        """Fill up to a time [s] and save frames at about equal filled shares."""
+        """Fill up to a time [s], and save ``frames`` states at about equal filled shares."""
         self._steps.refresh(self.state)
         saved = [self.frame()]
         last = self.filled_share
@@ -268,31 +269,31 @@ class Filling:
 
     @property
     def pressure(self) -> np.ndarray:
-        """Pressure of the nodes now [Pa], (N,), of those in a gate's hole at most the gate's.
+        """Present pressure of the nodes (N,) [Pa], in a gate's hole at most that of the gate.
 
-        This is the pressure that every reader takes. ``state.pressure`` is the unknown of the
-        equations: between two steps it is that of the last one, and it knows the nodes in a hole
-        by the field around it, which goes on to rise inside the hole.
+        Results and couplings use this pressure. ``state.pressure`` is the unknown of the equations:
+        between two steps it belongs to the last one, and at nodes in a hole it is that of the field
+        around the hole, which rises further inside.
         """
         present = self._steps.present(self.state)
         pressure = present.pressure.copy()
-        for gate, own in zip(self.supply.gates, present.gate_pressure, strict=True):
-            if gate.radius is not None and np.isfinite(own):
-                pressure[gate.nodes] = np.minimum(pressure[gate.nodes], own)
+        for gate, limit in zip(self.supply.gates, present.gate_pressure, strict=True):
+            if gate.radius is not None and np.isfinite(limit):
+                pressure[gate.nodes] = np.minimum(pressure[gate.nodes], limit)
         return pressure
 
     @property
     def gate_pressure(self) -> np.ndarray:
-        """Pressure of each gate now [Pa], (G,); nan where it gives no resin."""
+        """Present pressure of each gate (G,) [Pa]; nan where no resin enters."""
         return self._steps.present(self.state).gate_pressure
 
     @property
     def gate_rate(self) -> np.ndarray:
-        """Flow rate of each gate now [m3/s], (G,); nan where it gives no resin."""
+        """Present flow rate of each gate (G,) [m³/s]; nan where no resin enters."""
         return self._steps.present(self.state).gate_rate
 
     def height(self, points: np.ndarray) -> np.ndarray:
-        """ρ g·x of places (K, 3) [Pa]."""
+        """Return ρ g·x at positions (K, 3) [m], (K,) [Pa]."""
         return self.model.height(points)
 
     def save(self) -> FillingState:
@@ -313,14 +314,18 @@ class Filling:
         lift: np.ndarray | None = None,
         reference: np.ndarray | None = None,
     ) -> None:
-        """Move the preform: thickness [m] and its rate [m/s], shape (C,) or one number.
+        """Set the thickness of the preform and its rate.
 
-        The thickness goes on linearly with its rate while the filling advances. Fibres keep their
-        volume per cell; porosity and permeability follow. If the thickness jumps, the resin that
-        no longer has room flows in the next time step.
+        The thickness changes linearly by its rate while the filling advances. Fibres keep their
+        volume per cell; porosity and permeability follow. If the thickness jumps, resin without
+        room flows in the next time step.
 
-        lift : what the pressure of the resin adds to the rate, per pressure above ``reference``
-            [Pa], [m/(s Pa)], not negative; (C,).
+        Parameters
+        ----------
+        thickness, rate : (C,) or one number [m], [m/s].
+        lift : increase of the rate per pressure of the resin above ``reference``, not negative,
+            (C,) [m/(s Pa)].
+        reference : (C,) [Pa].
 
         Raises
         ------
@@ -329,32 +334,28 @@ class Filling:
         """
         count = self.medium.mesh.cell_count
         none, state = np.zeros(count), self.state
-        given = (
+        values = (
             _of_cells(thickness, count, "thickness"),
             _of_cells(none if rate is None else rate, count, "thickness rate"),
             _of_cells(none if lift is None else lift, count, "lift"),
             _of_cells(none if reference is None else reference, count, "reference pressure"),
         )
-        self.medium.fibre_fraction(given[0])
-        state.thickness, state.thickness_rate, state.lift, state.lift_reference = given
+        self.medium.fibre_fraction(values[0])
+        state.thickness, state.thickness_rate, state.lift, state.lift_reference = values
         self._steps.forget()
 
     def start_at(self, thickness: np.ndarray) -> None:
-        """Give the preform another thickness [m], (C,), before anything flows.
-
-        The pores are filled to the same share as before, of the volume that they have then.
-        """
+        """Set another thickness (C,) [m] before anything flows; the fill factors do not change."""
         self.set_thickness(thickness)
         state, pores = self.state, self.pores
         state.resin_volume = np.where(state.full, pores, state.fill * pores)
         state.started_volume = state.stored
 
     def settle(self) -> None:
-        """Let the resin rest in the pores as they are now: it stays in its control volume.
+        """Let the resin rest in the present pores: it stays in its control volume.
 
-        Air comes in where the pores have become larger than their resin, and all has the pressure
-        of the air. What a volume has too much of within ``largest_excess`` flows in the next time
-        step.
+        Air comes in where the pores have become larger than their resin, and all nodes get the
+        pressure of the air. An excess within ``largest_excess`` flows in the next time step.
 
         Raises
         ------
@@ -379,25 +380,26 @@ class Filling:
         self._steps.forget()
 
     def set_supply(self, gates: Sequence[Gate], vents: Sequence[Vent]) -> None:
-        """Go on with the same gates and vents, but other pressures, rates or schedules.
+        """Change pressures, rates or schedules of the gates and vents.
 
         Raises
         ------
         InputError : other gates or vents.
         """
-        names = [[place.name for place in places] for places in (gates, vents)]
-        if names != [[p.name for p in self.supply.gates], [p.name for p in self.supply.vents]]:
+        names = [gate.name for gate in gates], [vent.name for vent in vents]
+        supply = self.supply
+        if names != ([gate.name for gate in supply.gates], [vent.name for vent in supply.vents]):
             raise InputError("a filling keeps its gates and vents; give each under its name")
         self.model.supply = Supply(gates, vents, self.mesh.node_count, self.supply.on_film)
         self._steps.forget()
 
     def set_points(self, points: np.ndarray, step: float | None = None) -> None:
-        """Move the nodes [m], shape (N, 3); fibres and film keep their volume.
+        """Move the nodes to (N, 3) [m]; fibres and film keep their volume.
 
-        Without a step the volume of the cells jumps as their areas do: as with a jump of the
-        thickness, what no longer has room flows in the next time step. With one the cells keep
-        the volume that they have, and reach that of their thickness (and its rate) at the new
-        places after ``step`` [s], at a constant rate; beyond it the rate goes on.
+        Without a step the volume of the cells jumps with their areas: as after a jump of the
+        thickness, resin without room flows in the next time step. With a step [s] the cells first
+        keep their volume, and reach the volume of their thickness (and its rate) at the new
+        positions after the step, at a constant rate that goes on beyond.
 
         Raises
         ------
@@ -412,7 +414,7 @@ class Filling:
             state.thickness = start
 
     def carry_to(self, points: np.ndarray) -> None:
-        """Move the nodes [m], shape (N, 3); cells, fibres and film keep their volume."""
+        """Move the nodes to (N, 3) [m]; cells, fibres and film keep their volume."""
         self.state.thickness = self._place(points)
 
     def _place(self, points: np.ndarray) -> np.ndarray:
@@ -431,28 +433,28 @@ class Filling:
         return volume / medium.mesh.areas
 
     def set_permeability(self, tensor: np.ndarray, through: np.ndarray | None = None) -> None:
-        """Take the permeability of fibres that have moved, see :meth:`Medium.set_permeability`.
+        """Set the permeability of fibres that have moved, see :meth:`Medium.set_permeability`.
 
-        It is no part of the saved states.
+        The permeability is no part of the saved states.
         """
         fraction = self.medium.fibre_fraction(self.state.thickness)
         self.medium.set_permeability(tensor, through, fraction)
         self._steps.forget()
 
 
-def _of_cells(thickness: np.ndarray, count: int, name: str) -> np.ndarray:
+def _of_cells(quantity: np.ndarray, count: int, name: str) -> np.ndarray:
     """Return values of cells as an array (C,).
 
     Raises
     ------
     InputError : another number of values, or one that is not finite.
     """
-    given = np.asarray(thickness, dtype=float)
-    if given.shape not in ((), (1,), (count,)):
+    values = np.asarray(quantity, dtype=float)
+    if values.shape not in ((), (1,), (count,)):
         raise InputError(
-            f"the {name} has the shape {given.shape}; give one number or ({count},), one per cell"
+            f"the {name} has the shape {values.shape}; give one number or ({count},), one per cell"
         )
-    values = np.array(np.broadcast_to(given, (count,)))
+    values = np.array(np.broadcast_to(values, (count,)))
     if not np.isfinite(values).all():
         cell = np.flatnonzero(~np.isfinite(values))[0]
         raise InputError(f"the {name} of cell {cell} is not a number")

@@ -1,8 +1,8 @@
 """Filling cases of RTMsim and LCMsim, read as data and written as a case of this program.
 
 RTMsim, and LCMsim in its first version, have an input file of fourteen lines: mesh, times, fluid,
-pressures, the properties of the main preform and of four sets, and what the sets are. LCMsim from
-its second version on has a table of parts and one of parameters. All numbers are in SI units.
+pressures, the properties of the main preform and of four sets, and the types of the sets. LCMsim
+from its second version on has a table of parts and one of parameters. All numbers are in SI units.
 
 Sources: RTMsim 1.0.4, page on input parameters; LCMsim_v2 and _v3, pages on part description and
 simulation parameters (Obertscheider, Fauster and others).
@@ -28,7 +28,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh, read_target
 
 BASE, INLET, PATCH, OUTLET, IGNORED = "base", "inlet", "patch", "outlet", "ignored"
-# What numbers of the input file mean.
+# Types of a set by their numbers in the input file.
 _TYPES = {0: IGNORED, 1: INLET, 2: PATCH, 3: OUTLET}
 _LINES = 14
 _SETS = 4
@@ -51,10 +51,12 @@ class Textile:
 
 @dataclass(frozen=True)
 class Layer:
-    """A flow medium as the file writes it, in SI units, and the part that it is on.
+    """A flow medium as the file writes it, in SI units.
 
-    part : None for all of the mesh. through : of the preform through its thickness, the same in all
-    parts.
+    Parameters
+    ----------
+    part : of the mesh that it is on; None for the whole mesh.
+    through : permeability of the preform through its thickness, the same in all parts.
     """
 
     part: str | None
@@ -66,9 +68,15 @@ class Layer:
 
 @dataclass(frozen=True)
 class Zone:
-    """A set or part of the mesh: what it is, and its textile, None where it has that of all.
+    """A set or part of the mesh.
 
-    number : in the file. place : name of the set or part in the mesh. port : where it is instead.
+    Parameters
+    ----------
+    kind : inlet, patch or outlet.
+    number : in the file.
+    textile : None where it is that of the main preform.
+    place : name of the set or part in the mesh.
+    port : in place of a set.
     """
 
     name: str
@@ -80,7 +88,7 @@ class Zone:
 
     @property
     def in_words(self) -> str:
-        """Where it is, for the terminal."""
+        """Its place, for the terminal."""
         return self.place if self.port is None else self.port.in_words
 
 
@@ -88,7 +96,7 @@ class Zone:
 class ForeignCase:
     """A filling case of another program.
 
-    told : what of the file is not taken over, by its name there, in words.
+    told : sentences on entries of the file that are not taken over.
     """
 
     program: str
@@ -113,15 +121,15 @@ def read_rtmsim(
 
     Parameters
     ----------
-    mesh : mesh file in place of the one that it names, which is looked for beside the input file
-        and beside its folder.
+    mesh : mesh file in place of the one that it names, which is searched beside the input file and
+        beside its folder.
     ports : file of the ports that were picked with the mouse (:mod:`.foreign_ports`), which RTMsim
-        keeps in a file of its own.
+        keeps apart.
 
     Raises
     ------
-    InputError : another file, ports that it does not ask for, numbers that are none, a mesh that is
-        not there, or an inlet or a preform whose set the mesh does not have; names the line.
+    InputError : another file, ports without need, an entry that is no number, a mesh that is
+        missing, or an inlet or a preform whose set the mesh does not have; names the line.
     """
     path = Path(path)
     lines = _entries(path)
@@ -188,9 +196,11 @@ def read_lcmsim(
 
     Parameters
     ----------
-    parts : table of the parts. parameters : of the simulation. time : at which it ends [s].
-    ports : file of the ports that were picked with the mouse; without it that beside the mesh
-        (``_pset.csv``) counts where the table has part 6, which they are.
+    parts : table of the parts.
+    parameters : table of the simulation.
+    time : end of the filling [s].
+    ports : file of the ports that were picked with the mouse; by default that beside the mesh
+        (``_pset.csv``), where the table has part 6, that of the ports.
 
     Raises
     ------

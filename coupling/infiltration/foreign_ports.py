@@ -1,9 +1,9 @@
-"""Ports of LCMsim and RTMsim: points on the mesh, around each of which cells within a radius count.
+"""Ports of LCMsim and RTMsim: points on the mesh with the cells within a radius.
 
 LCMsim keeps the ports that were picked with the mouse in ``_pset.csv`` beside the mesh: the radius
-in the first line, then the coordinates of a point in each, in metres. The cells with their centroid
-within the radius are part 6, whatever they were before. RTMsim has the radius in its input file,
-and takes a larger one where it holds no centroid.
+in the first line, then the coordinates of a point per line, in metres. Cells with their centroid
+within the radius are part 6, whatever part they were in before. RTMsim has the radius in its input
+file, and takes a larger one where no centroid is within it.
 
 Sources: LCMsim_v3, ``parse_mesh.jl``; RTMsim 1.0.4, ``pre.jl`` (Obertscheider, Fauster and others).
 """
@@ -20,9 +20,9 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mesh.places import place_text
 
-#: The file beside a mesh of LCMsim, and the number of the part that its ports are.
+#: The file beside a mesh of LCMsim, and the number of the part of its ports.
 PORTS_FILE, PORTS_PART = "_pset.csv", 6
-#: By so much RTMsim widens the radius of a port until it holds a cell.
+#: Factor by which RTMsim widens the radius of a port until it holds a cell, and most repetitions.
 _WIDER, _MOST_STEPS = Decimal("1.1"), 200
 
 Coordinates = tuple[Decimal, Decimal, Decimal]
@@ -53,18 +53,18 @@ class Port:
 
     @property
     def gate_lines(self) -> list[str]:
-        """Where resin comes in, as the file of an infiltration says it."""
+        """Entries of its gate in the file of an infiltration."""
         return self.cell_lines if self.holds_nodes else self.cell_lines[:1]
 
     @property
     def cell_lines(self) -> list[str]:
-        """Where its cells are."""
+        """Entries of a place with its cells."""
         place = " ".join(map(str, self.point))
         return [f'point = "{place} m"', f'radius = "{self.radius} m"']
 
     @property
     def in_words(self) -> str:
-        """Place and radius for the terminal."""
+        """Position and radius for the terminal."""
         place = place_text(np.array(self.point, dtype=float))
         return f"{1e3 * float(self.radius):g} mm around {place}"
 

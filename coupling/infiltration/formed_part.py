@@ -1,7 +1,7 @@
 """The part that resin flows through: a mesh with its sets, and the fields of its cells.
 
-It is read from a forming result or a mapped file, or it is the mesh of a part that was not formed
-here. A folder may hold it without its source.
+It comes from a forming result or a mapped file, or it is the mesh of a part that was not formed
+here. A part can also be written into a folder, and read without its source.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from lcmchain.scene.permeability import Permeability
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Fields that no infiltration can do without.
+#: Fields that every infiltration needs.
 NEEDED = ("thickness", "fibre_volume_fraction")
 PERMEABILITIES = ("permeability_1", "permeability_2", "permeability_3")
 AXES = tuple(f"permeability_direction_{k}_{a}" for k in (1, 2, 3) for a in "xyz")
@@ -52,8 +52,9 @@ class FormedPart:
     Parameters
     ----------
     target : triangles and quadrilaterals, with sets, parts and numbers.
-    dataset : UGRID dataset of one state on this mesh; its fields are those that the results repeat.
-    file : that it was read from, for messages. warnings : what a user should know of it.
+    dataset : UGRID dataset of one state on this mesh; results contain its fields.
+    file : that it was read from, for messages.
+    warnings : for the user.
     """
 
     target: TargetMesh
@@ -63,11 +64,11 @@ class FormedPart:
 
     @property
     def mesh(self) -> UgridMesh:
-        """The mesh in the dataset."""
+        """Mesh in the dataset."""
         return UgridMesh("target" if is_mapped(self.dataset) else "sheet")
 
     def cell(self, name: str) -> np.ndarray:
-        """Values of a field of the cells, shape (C,).
+        """Return the values of a field of the cells, (C,).
 
         Raises
         ------
@@ -79,31 +80,31 @@ class FormedPart:
 
     @property
     def ply_names(self) -> tuple[str, ...]:
-        """Plies of a stack, whose fields have their names before their own; none of one sheet."""
+        """Names of the plies of a stack, which are prefixes of their fields; none of one sheet."""
         names = map(str, self.dataset.data_vars)
         return tuple(name.removeprefix(SHARE) for name in names if name.startswith(SHARE))
 
     def number(self, cell: int) -> int:
-        """Number of a cell in the user's file."""
+        """Return the number of a cell in the user's file."""
         return int(self.target.cell_ids[cell])
 
     def place(self, cell: int) -> str:
-        """Number and centroid of a cell, for messages."""
+        """Return number and centroid of a cell in words, for messages."""
         return f"cell {self.number(cell)} at {place_text(self.target.centroids[cell])}"
 
 
 def read_formed_part(
     path: Path | str, *, frame: int = -1, allow_incomplete: bool = False
 ) -> FormedPart:
-    """Read a mapped file, or a forming result, of which the sheet's own faces are then filled.
+    """Read a mapped file, or a forming result, whose sheet is the mesh of the part.
 
-    A stack of plies is filled as one sheet: on the faces of its largest ply, with what lies over
-    each other there (:func:`lcmchain.mapping.plies.on_faces_of_one`).
+    A stack of plies becomes one sheet on the faces of its largest ply, with all plies that overlap
+    there (:func:`lcmchain.mapping.plies.on_faces_of_one`).
 
     Raises
     ------
-    InputError : it is neither, its run was not complete (unless allowed), or a field is missing
-        that infiltration needs.
+    InputError : it is neither, its run was not complete (unless allowed), or a needed field is
+        missing.
     """
     path = Path(path)
     if path.is_dir():
@@ -139,11 +140,11 @@ def with_permeability(
 ) -> FormedPart:
     """Return the part with the permeabilities of a law; without one it must have them.
 
-    Where the law does not hold they are not a number: a region may give what is missing.
+    Out of the range of the law they are not a number; a region may replace them.
 
     Parameters
     ----------
-    directory : folder to which a file that the law names is relative.
+    directory : folder to which a file of the law is relative.
 
     Raises
     ------
@@ -158,15 +159,16 @@ def with_permeability(
                 file=part.file,
             )
         return part
-    found = _by_law(part, law, directory)
+    principal = _by_law(part, law, directory)
     dataset = part.dataset.copy()
     for number in (1, 2, 3):
         field = FIELDS[f"permeability_{number}"]
         about = field.attributes(field.name)
         about["long_name"] = f"{field.long_name} ({law.law})"
-        dataset[field.name] = part.mesh.on_cells(found.values[:, number - 1].copy(), _open(about))
+        values = principal.values[:, number - 1].copy()
+        dataset[field.name] = part.mesh.on_cells(values, _open(about))
         axes = FIELDS[f"permeability_direction_{number}"]
-        for axis, values in zip("xyz", found.axes[:, number - 1].T, strict=True):
+        for axis, values in zip("xyz", principal.axes[:, number - 1].T, strict=True):
             name = f"{axes.name}_{axis}"
             dataset[name] = part.mesh.on_cells(
                 np.ascontiguousarray(values), _open(axes.attributes(name))
@@ -175,7 +177,10 @@ def with_permeability(
 
 
 def fibre_directions(part: FormedPart, prefix: str = "") -> list[np.ndarray]:
-    """Return the directions of all families of fibres in the cells (C, 3), nan where one is not."""
+    """Return the directions of all families of fibres in the cells, (C, 3) each; nan if missing.
+
+    prefix : of the fields, for a ply of a stack.
+    """
     present = [name for name in FIBRE_FAMILIES if f"{prefix}{name}_x" in part.dataset]
     return [
         np.stack([part.cell(f"{prefix}{family}_{axis}") for axis in "xyz"], axis=1)
@@ -184,7 +189,7 @@ def fibre_directions(part: FormedPart, prefix: str = "") -> list[np.ndarray]:
 
 
 def _by_law(part: FormedPart, law: Permeability, directory: Path | None) -> PrincipalPermeability:
-    """Return what a law makes of the textile of every cell, in a stack of the layers there."""
+    """Return the permeability of every cell by a law; of a stack that of its layers together."""
 
     def of_textile(prefix: str) -> PrincipalPermeability:
         families = fibre_directions(part, prefix)
@@ -242,11 +247,11 @@ def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
 
 
 def blocks_of(corners: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
-    """Return runs of cells of one type, in their order; -1 in ``corners`` (C, 4) is none."""
+    """Return blocks of consecutive cells of one type; -1 in ``corners`` (C, 4) is no corner."""
     count = (corners >= 0).sum(axis=1)
     blocks, first = [], 0
-    for sides, run in groupby(count.tolist()):
-        last = first + len(list(run))
+    for sides, alike in groupby(count.tolist()):
+        last = first + len(list(alike))
         name = "triangle" if sides == 3 else "quad"
         blocks.append((name, corners[first:last, :sides]))
         first = last
@@ -270,7 +275,7 @@ def _parts(dataset: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def _sheet_part(path: Path, frame: int) -> FormedPart:
-    """The faces of a forming result's own sheet."""
+    """Return the sheet of a forming result as a part."""
     sheet = read_sheet(path, frame=frame)
     warnings: tuple[str, ...] = ()
     if sheet.is_stack:
@@ -305,7 +310,7 @@ def _sheet_part(path: Path, frame: int) -> FormedPart:
 
 
 def _one_state(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset without the time of forming, which is none of the filling."""
+    """Return the dataset without its time, which is that of forming and not of the filling."""
     if TIME not in dataset.variables:
         return dataset
     time = float(dataset[TIME].values)
@@ -313,7 +318,7 @@ def _one_state(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _open(about: dict) -> dict:
-    """Attributes of a field that has gaps."""
+    """Return the attributes of a field with gaps."""
     return about | {"_FillValue": np.nan}
 
 
@@ -325,19 +330,19 @@ def _remedy(name: str) -> str:
     return "form again with this version, or map a whole forming result"
 
 
-# --- a mesh that was not formed here, and permeabilities along axes of their own ------------------
-# The axis of a permeability is a direction in space. In a cell of the normal n it is laid into the
-# plane, a - (a·n) n, and the second axis stands across it there.
+# --- a mesh that was not formed here, and permeabilities along an axis ----------------------------
+# The axis of a permeability is a direction a in space. It is projected into the plane of a cell
+# with the normal n, a - (a·n) n. The second axis is perpendicular to it in this plane.
 
 
 #: Attribute of the dataset of a part that was not formed here: the name of its mesh file.
 UNFORMED = "unformed_mesh"
-# An axis that leaves less than this part of it in the plane of a cell has no direction there.
+# Least length of the projection of an axis, over that of the axis, which gives a direction.
 _LEAST_IN_PLANE = 1e-6
 
 
 def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m") -> FormedPart:
-    """Return the mesh of a file with a preform that is the same everywhere.
+    """Return the mesh of a file with a uniform preform.
 
     Parameters
     ----------
@@ -346,7 +351,7 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
 
     Raises
     ------
-    InputError : a file that cannot be read, one that was formed, or an axis that stands on a cell.
+    InputError : a file that cannot be read, a forming result, or an axis normal to a cell.
     """
     path = Path(path)
     if _is_result(path):
@@ -370,8 +375,8 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
         **mesh.topology(target.corners, long_name="preform"),
         **mesh.node_positions(target.points),
     }
-    for name, own in values.items():
-        variables[name] = mesh.on_cells(own, _about(name))
+    for name, of_cells in values.items():
+        variables[name] = mesh.on_cells(of_cells, _about(name))
     attributes = {
         "title": path.stem, UNFORMED: path.name, "source_file": path.name,
         "source_sha256": file_sha256(path),
@@ -388,17 +393,18 @@ def part_of_case(
     frame: int = -1,
     allow_incomplete: bool = False,
 ) -> FormedPart:
-    """Return what a case fills: the mesh of its preform, or a part that was formed.
+    """Return the part of a case: the mesh of its preform, or a part that was formed.
 
     Parameters
     ----------
-    path : mesh file, or forming result or mapped file (:func:`.formed_part.read_formed_part`).
+    path : mesh file, or forming result or mapped file (:func:`read_formed_part`).
     preform : of the case; None where its part was formed.
-    length_unit : of the coordinates of a mesh. frame, allow_incomplete : of a part that was formed.
+    length_unit : of the coordinates of a mesh.
+    frame, allow_incomplete : of a part that was formed.
 
     Raises
     ------
-    InputError : the file cannot be read, or there is a frame of a mesh, or a unit of a result.
+    InputError : the file cannot be read, or a mesh has a frame, or a result a length unit.
     """
     if preform is None:
         if length_unit != "m":
@@ -432,35 +438,36 @@ def require_origin(part: FormedPart, preform: Preform | None) -> None:
 
 
 def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndarray) -> FormedPart:
-    """Return the part with a permeability along axes of its own in some cells.
+    """Return the part with a permeability along an axis in some cells.
 
     The larger value is the first, as in every result.
 
     Parameters
     ----------
+    own : the permeability and its axis.
     cells : rows.
 
     Raises
     ------
-    InputError : the axis stands on one of the cells.
+    InputError : the axis is normal to one of the cells.
     """
     first, second = axes_in_plane(part.target, cells, np.array(own.axis), part)
     values = np.array([own.k1, own.ratio * own.k1])
     if own.ratio > 1.0:
         first, second, values = second, -first, values[::-1]
     normals = part.target.surface.normals[cells]
-    given: dict[str, np.ndarray | float] = dict(zip(PERMEABILITIES, values))
+    fields: dict[str, np.ndarray | float] = dict(zip(PERMEABILITIES, values))
     if own.k3 is not None:
-        given[PERMEABILITIES[2]] = own.k3
+        fields[PERMEABILITIES[2]] = own.k3
     for number, axis in enumerate((first, second, normals)):
-        for place in range(3):
-            given[AXES[3 * number + place]] = axis[:, place]
+        for component in range(3):
+            fields[AXES[3 * number + component]] = axis[:, component]
     dataset = part.dataset.copy()
-    for name, value in given.items():
-        there = name in dataset
-        field = part.cell(name).copy() if there else np.full(part.target.cell_count, np.nan)
+    for name, value in fields.items():
+        exists = name in dataset
+        field = part.cell(name).copy() if exists else np.full(part.target.cell_count, np.nan)
         field[cells] = value
-        if there:
+        if exists:
             dataset[name] = dataset[name].copy(data=field)
         else:
             dataset[name] = part.mesh.on_cells(field, _about(name))
@@ -470,15 +477,15 @@ def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndar
 def axes_in_plane(
     target: TargetMesh, cells: np.ndarray, axis: np.ndarray, part: FormedPart
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a direction laid into the planes of cells, and that across it, (n, 3) each.
+    """Return a direction projected into the planes of cells, and the one across it, (n, 3) each.
 
     Raises
     ------
-    InputError : it stands on a cell.
+    InputError : it is normal to a cell.
     """
     normals = target.surface.normals[cells]
-    laid = axis - (normals @ axis)[:, None] * normals
-    length = np.linalg.norm(laid, axis=1)
+    projected = axis - (normals @ axis)[:, None] * normals
+    length = np.linalg.norm(projected, axis=1)
     if not np.all(length > _LEAST_IN_PLANE):
         cell = int(cells[np.argmin(length)])
         raise InputError(
@@ -486,8 +493,8 @@ def axes_in_plane(
             f"{part.place(cell)}; give one that has a direction in its plane, or regions",
             key="permeability.axis",
         )
-    laid /= length[:, None]
-    return laid, np.cross(normals, laid)
+    projected /= length[:, None]
+    return projected, np.cross(normals, projected)
 
 
 def _about(name: str) -> dict:
@@ -496,7 +503,7 @@ def _about(name: str) -> dict:
 
 
 def _is_result(path: Path) -> bool:
-    """Tell whether a file is a forming result or a mapped file."""
+    """Whether a file is a forming result or a mapped file."""
     try:
         dataset = open_mapped(path)
     except InputError:
@@ -504,7 +511,7 @@ def _is_result(path: Path) -> bool:
     return str(dataset.attrs.get("Conventions", "")).startswith("CF")
 
 
-# --- a part in a folder of its own: all that a filling takes of it, without its source ------------
+# --- a part in a folder, without its source -------------------------------------------------------
 
 
 _FIELDS_FILE, _MESH_FILE = "part.nc", "part_mesh.npz"
@@ -540,7 +547,7 @@ def read_part(folder: Path) -> FormedPart:
 
     Raises
     ------
-    InputError : the files are not there, or are no part.
+    InputError : the files are missing, or are no part.
     """
     try:
         with open_netcdf(folder / _FIELDS_FILE, mask_and_scale=False) as dataset:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -72,7 +72,7 @@ def draw_medium_time(path: Path | str, filled: FilledPart, title: str) -> None:
 
 
 def _last_time(fill_time: np.ndarray) -> tuple[float, float, str]:
-    """The last of fill times [s], and factor and name of the unit in which they are told."""
+    """Return the last of fill times [s], and factor and name of the unit that shows them."""
     last = float(np.nanmax(fill_time)) if np.isfinite(fill_time).any() else 0.0
     return (last, 1.0, "s") if last < 600.0 else (last, 1.0 / 60.0, "min")
 
@@ -391,13 +391,13 @@ def triangles_around_centres(
 
 
 def _long(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Where the longest way through the values, from the lowest to the highest, has a level."""
+    """Return the point of a level on the edge from the lowest to the highest value."""
     share = (level - v[:, 0]) / (v[:, 2] - v[:, 0])
     return p[:, 0] + share[:, None] * (p[:, 2] - p[:, 0])
 
 
 def _short(p: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Where the way over the middle corner has a level."""
+    """Return the point of a level on the two edges over the middle corner."""
     first = np.clip((level - v[:, 0]) / (v[:, 1] - v[:, 0]), 0.0, 1.0)
     second = np.clip((level - v[:, 1]) / (v[:, 2] - v[:, 1]), 0.0, 1.0)
     before = (level <= v[:, 1])[:, None]
@@ -494,7 +494,7 @@ def draw_curves(path: Path | str, filled: FilledPart, title: str) -> None:
         save(figure, path)
 
 
-def _gate_pressures(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _gate_pressures(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     for number, gate in enumerate(filled.setup.gates):
         colour = SERIES[number % len(SERIES)]
         pressure = 1e-5 * filled.history.gate_pressure[:, number]
@@ -503,14 +503,14 @@ def _gate_pressures(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(loc="best")
 
 
-def _gate_rates(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _gate_rates(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     for number in range(len(filled.setup.gates)):
         colour = SERIES[number % len(SERIES)]
         axis.plot(time, 1e6 * filled.history.gate_rate[:, number], color=colour)
     axis.set_ylabel("flow rate of the gates [ml/s]")
 
 
-def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _forces(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     total, fibres, resin, *more = filled.history.force.T
     axis.plot(time, 1e-3 * total, color=INK, label="all")
     axis.plot(time, 1e-3 * fibres, color=SERIES[1], label="fibres")
@@ -521,7 +521,7 @@ def _forces(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(loc="best")
 
 
-def _volumes(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
+def _volumes(axis: Axes, filled: FilledPart, time: np.ndarray) -> None:
     history = filled.history
     if filled.setup.gates:
         axis.plot(time, 1e6 * history.injected.sum(axis=1), color=INK, label="injected")
@@ -536,8 +536,8 @@ def _volumes(axis: Any, filled: FilledPart, time: np.ndarray) -> None:
     axis.legend(handles=[*axis.get_lines(), *share.get_lines()], loc="lower right")
 
 
-def _limit(axis, rates: np.ndarray) -> None:
-    """Keep the first moments of a pressure gate, whose flow rate is unbounded, from flattening."""
+def _limit(axis: Axes, rates: np.ndarray) -> None:
+    """Limit the axis, because the flow rate of a pressure gate is unbounded at the begin."""
     rates = rates[np.isfinite(rates)]  # closed gates have none
     if rates.size and rates.max() > 0.0:
         low, high = min(0.0, float(rates.min())), float(rates.max())

@@ -1,4 +1,4 @@
-"""What a filling did, in numbers and in words."""
+"""Report of a filling, in numbers and in words."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from lcmchain.coupling.infiltration.results import FilledPart
 from lcmchain.mesh.places import place_text
 from lcmchain.report.chapters import filling_in_words, time_in_words
 
-#: Dry spots that are told one by one, the largest first.
+#: Most dry spots that are listed one by one, the largest first.
 MOST_SPOTS = 20
-#: Pockets smaller than this share of all pores are noise of the front on the mesh.
+#: Share of all pores below which a pocket is noise of the front on the mesh.
 NOTABLE = 1e-3
 
 
@@ -26,14 +26,17 @@ NOTABLE = 1e-3
 class FillingReport:
     """Result of one filling; SI units.
 
-    ``outcome`` is "filled", "reached" (the time of the scene), "gelled", "no_source" or "trapped",
-    with ``message`` in words; ``time`` is that of its end. ``balance_error`` is the largest
-    difference of entered, vented and stored resin, relative to what entered. ``closing`` is of what
-    presses on the part: the largest force [N] and its parts at that time, thicknesses at the end,
-    windows of the coupling and their iterations; None in a mould that does not move. ``stages``
-    is what happened in each stage of the process, where it has stages. ``flow_medium`` is of the
-    layer on the part, whose pores and resin are counted in all sums: the resin that stays in it
-    [m3], its pores [m3], and when its last node was reached [s], None where it was not.
+    Parameters
+    ----------
+    outcome : "filled", "reached" (the time of the scene), "gelled", "no_source" or "trapped".
+    message : the outcome in words.
+    time : end of the filling.
+    balance_error : largest difference of entered, vented and stored resin, over the entered resin.
+    closing : largest force on the part and its shares at that time, thicknesses at the end, windows
+        of the coupling and their iterations; None in a mould that does not move.
+    stages : numbers of each stage of the process, where it has stages.
+    flow_medium : of the layer on the part: its resin and pore volume at the end, which are counted
+        in all sums, and the time at which its last node was reached, None where it was not.
     """
 
     name: str
@@ -77,7 +80,7 @@ class FillingReport:
 
 
 def filling_report(name: str, filled: FilledPart) -> FillingReport:
-    """Gather the numbers of a filling and the warnings that follow from them."""
+    """Return the numbers of a filling and the warnings that follow from them."""
     history, setup, state = filled.history, filled.setup, filled.state
     pores = filled.pore_volume
     entered = float(history.injected[-1].sum() + history.stored[0] + state.from_film)
@@ -133,7 +136,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
 
 
 def _of_layer(filled: FilledPart) -> dict[str, float | None] | None:
-    """Numbers of the flow medium on the part."""
+    """Return the numbers of the flow medium on the part."""
     layer = filled.layer
     if layer is None:
         return None
@@ -147,7 +150,7 @@ def _of_layer(filled: FilledPart) -> dict[str, float | None] | None:
 
 
 def _closing(filled: FilledPart) -> dict[str, float] | None:
-    """Numbers of what presses on the part."""
+    """Return the numbers of the closure of the part."""
     if filled.coupling is None:
         return None
     force, thickness = filled.history.force, filled.thickness[-1]
@@ -167,21 +170,21 @@ def _closing(filled: FilledPart) -> dict[str, float] | None:
 
 
 def _of_stages(filled: FilledPart) -> dict[str, dict[str, float]]:
-    """Numbers of each stage of the process, by its name.
+    """Return the numbers of each stage of the process, by its name.
 
-    Times are those of the resin; the pressure is the largest of the saved states.
+    Times are those of the resin. The pressure is the largest in the saved states.
     """
     if filled.stages is None:
         return {}
     names, of_frames, of_steps = filled.stages
-    history, found = filled.history, {}
+    history, numbers = filled.history, {}
     for number, name in enumerate(names):
         steps = np.flatnonzero(of_steps == number)
         if not len(steps):
             continue
         before, last = max(int(steps[0]) - 1, 0), int(steps[-1])
         frames = filled.pressure[of_frames == number]
-        found[name] = {
+        numbers[name] = {
             "start": float(history.time[before]),
             "end": float(history.time[last]),
             "filled_share": float(history.filled_share[last]),
@@ -190,11 +193,11 @@ def _of_stages(filled: FilledPart) -> dict[str, dict[str, float]]:
             "force_max": float(history.force[steps, 0].max()),
             "pressure_max": float(frames.max()) if len(frames) else 0.0,
         }
-    return found
+    return numbers
 
 
 def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
-    """Yield what an engineer has to know of how it ended."""
+    """Yield warnings on the end of the filling."""
     if filled.outcome != "filled":
         dry = ~np.isfinite(filled.fill_time)
         where = ""
@@ -223,7 +226,7 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
 
 
 def _gelled(filled: FilledPart) -> Iterator[str]:
-    """Yield where resin at the front has gelled, so that it no longer moves there."""
+    """Yield a warning where resin at the front has gelled, so that it no longer moves there."""
     gel, state, mesh = filled.setup.case.resin.gel_cure, filled.state, filled.setup.mesh
     if gel is None or filled.is_filled:
         return

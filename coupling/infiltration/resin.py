@@ -403,8 +403,8 @@ def resin_of(table: tables.Resin) -> Resin:
     return _VISCOSITIES[table.law](table, _shared(table))
 
 
-def _shared(table: Any) -> dict[str, Any]:
-    """Entries that all resins have, as keywords of their laws."""
+def _shared(table: tables.Resin) -> dict[str, Any]:
+    """Return the entries that all resins have, as keywords of their laws."""
     return {
         "density": table.density,
         "initial_cure": table.initial_cure,
@@ -450,12 +450,12 @@ def _autocatalytic(table: tables.AutocatalyticCure) -> KamalSourour:
     )
 
 
-_VISCOSITIES: dict[str, Callable[[Any, dict[str, Any]], Resin]] = {
+_VISCOSITIES: dict[str, Callable[..., Resin]] = {
     "constant": _constant,
     "arrhenius": _arrhenius,
     "castro_macosko": _castro_macosko,
 }
-_CURES: dict[str, Callable[[Any], KamalSourour]] = {
+_CURES: dict[str, Callable[..., KamalSourour]] = {
     "kamal_sourour": _kamal_sourour,
     "nth_order": _nth_order,
     "autocatalytic": _autocatalytic,

@@ -1,14 +1,13 @@
-"""Temperature of the resin: the same everywhere, or warming towards that of the mould.
+"""Temperature of the resin: uniform, or approaching that of the mould.
 
-Left out in all of them: the heat of the reaction and of the flow, conduction along the sheet, and
-that the mould cools where cold resin meets it.
+No model contains the heat of the reaction and of the flow, conduction along the sheet, or the
+cooling of the mould by cold resin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -41,11 +40,11 @@ class ConstantTemperature:
 class PrescribedTemperature:
     """The same temperature everywhere, linear between ``values`` [K] at ``times`` [s].
 
-    Before the first and after the last time it stays as it is there.
+    It is constant before the first and after the last time.
 
     Raises
     ------
-    InputError : times that do not rise, or as many values as times are missing.
+    InputError : times that do not rise, or another number of values than of times.
     """
 
     times: tuple[float, ...]
@@ -55,7 +54,7 @@ class PrescribedTemperature:
         _require_table("temperature", self.times, self.values)
 
     def inlet(self, time: float) -> float:
-        """Temperature [K] of the resin that enters, and of all other."""
+        """Temperature [K] of all resin."""
         return float(np.interp(time, self.times, self.values))
 
     def advance(
@@ -67,18 +66,19 @@ class PrescribedTemperature:
 
 @dataclass(frozen=True)
 class MouldTemperature:
-    """Resin of one temperature that warms, where it is, towards that of a mould.
+    """Resin that enters with one temperature and approaches that of a mould everywhere.
 
-    The mean temperature over the thickness h of a layer whose two faces are held at the mould's
-    temperature relaxes with the time h²/(π² a) of its first Fourier mode (H. S. Carslaw, J. C.
-    Jaeger, Conduction of Heat in Solids, 2nd ed. 1959, section 3.3), a the diffusivity of resin and
-    fibres together. The higher modes are left out. They take 19 % of the difference within a fifth
-    of that time, so that resin is taken too cold by up to that part of the difference.
+    The two faces of a layer of thickness h have the temperature of the mould. The mean over the
+    thickness relaxes with the time h²/(π² a) of its first Fourier mode (H. S. Carslaw, J. C.
+    Jaeger, Conduction of Heat in Solids, 2nd ed. 1959, section 3.3), with the diffusivity a of
+    resin and fibres together. Higher modes are left out: they remove 19 % of the difference within
+    a fifth of that time, so that the resin may be too cold by up to this part of the difference.
 
     Parameters
     ----------
     inlet_temperature : [K] of the resin that enters.
-    times, values : temperature of the mould [K] over time [s], linear between, constant outside.
+    times, values : temperature of the mould [K] over time [s], linear between, constant outside
+        the times.
     diffusivity : a [m2/s].
     """
 
@@ -107,20 +107,20 @@ class MouldTemperature:
         between = [t for t in self.times if time < t < time + step]
         moments = [time, *between, time + step]
         values = np.interp(moments, self.times, self.values)
-        found = np.array(temperature, dtype=float)
+        result = np.array(temperature, dtype=float)
         for index in range(len(moments) - 1):
             length = moments[index + 1] - moments[index]
             if length <= 0.0:
                 continue
             slope = (values[index + 1] - values[index]) / length
             lag = slope * relaxation
-            # The solution of T' = (mould - T) / relaxation for a mould that warms linearly.
-            found = (
+            # solution of T' = (mould - T) / relaxation for a mould that warms linearly
+            result = (
                 values[index + 1]
                 - lag
-                + (found - values[index] + lag) * np.exp(-length / relaxation)
+                + (result - values[index] + lag) * np.exp(-length / relaxation)
             )
-        return found
+        return result
 
 
 def _require_table(name: str, times: tuple[float, ...], values: tuple[float, ...]) -> None:
@@ -134,15 +134,15 @@ def _require_table(name: str, times: tuple[float, ...], values: tuple[float, ...
     _require_temperatures(name, values)
 
 
-def _require_temperatures(name: str, values) -> None:
+def _require_temperatures(name: str, values: Sequence[float]) -> None:
     if not (np.all(np.isfinite(values)) and np.all(np.asarray(values) > 0.0)):
         raise InputError("must be above absolute zero", key=f"resin.temperature.{name}")
 
 
 def temperature_of(table: tables.Resin) -> ResinTemperature | None:
-    """Return the temperature that a resin's table gives; None where none is needed."""
-    given = table.temperature
-    return None if given is None else _TEMPERATURES[given.law](given)
+    """Return the temperature by the table of a resin; None where it has none."""
+    entry = table.temperature
+    return None if entry is None else _TEMPERATURES[entry.law](entry)
 
 
 def _constant_temperature(table: tables.ConstantResinTemperature) -> ResinTemperature:
@@ -158,7 +158,7 @@ def _mould(table: tables.MouldResinTemperature) -> ResinTemperature:
     return MouldTemperature(table.inlet, times, table.mould, table.diffusivity)
 
 
-_TEMPERATURES: dict[str, Callable[[Any], ResinTemperature]] = {
+_TEMPERATURES: dict[str, Callable[..., ResinTemperature]] = {
     "constant": _constant_temperature,
     "prescribed": _prescribed,
     "mould": _mould,

@@ -1,4 +1,4 @@
-"""What a filling has found: saved states and histories, as plain arrays."""
+"""Results of a filling: saved states and histories, as plain arrays."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from lcmchain.coupling.infiltration.flow.state import DrySpot, FillingState
 from lcmchain.coupling.infiltration.setup import FillingSetup
 from lcmchain.coupling.iteration import History
 
-#: What presses on a part, by the name of the variable, with words; friction and inertia where the
-#: part is being formed.
+#: Force on a part and its shares: words by the name of the variable. Friction and inertia are known
+#: where the part is being formed.
 FORCES = {
     "press_force": "of what presses on the part",
     "fibre_force": "of it that the fibres bear",
@@ -28,10 +28,10 @@ FORCES = {
 
 @dataclass
 class FillingRecord:
-    """What is kept while a filling runs: frames now and then, histories of every step.
+    """Record of a running filling: fields of some states (frames), sums of every step.
 
-    Every entry is a list of arrays or numbers, one for each frame or step. ``frame_stage`` and
-    ``stage`` are numbers of stages of the process, 0 in one without.
+    Every entry is a list with an array or a number for each frame or step. ``frame_stage`` and
+    ``stage`` are numbers of stages of the process, 0 without stages.
     """
 
     frame_time: list[float]
@@ -59,11 +59,11 @@ class FillingRecord:
 
     @classmethod
     def empty(cls) -> FillingRecord:
-        """Return a record with nothing in it."""
+        """Return an empty record."""
         return cls(*([] for _ in fields(cls)))
 
     def add_frame(self, filling: Filling, stage: int = 0) -> None:
-        """Keep the fields of the present state; ``stage`` is the number of the present stage."""
+        """Record the fields of the present state; ``stage`` is the number of the present stage."""
         frame = filling.frame()
         self.frame_time.append(frame.time)
         for name in ("fill", "pressure", "velocity", "cure", "temperature", "film"):
@@ -77,10 +77,13 @@ class FillingRecord:
     def add_step(
         self, filling: Filling, node_area: np.ndarray, force: Sequence[float] = (), stage: int = 0
     ) -> None:
-        """Keep the sums of the present state.
+        """Record the sums of the present state.
 
-        node_area : [m2] of each node, (N,). force : of what presses on the part [N], those of
-        :data:`FORCES` that are known; none where nothing does. stage : number of the present one.
+        Parameters
+        ----------
+        node_area : of each node (N,) [m²].
+        force : on the part [N], those of :data:`FORCES` that are known; none without a closure.
+        stage : number of the present stage.
         """
         state = filling.state
         self.time.append(state.time)
@@ -98,16 +101,19 @@ class FillingRecord:
 
 @dataclass(frozen=True)
 class FillingHistory:
-    """Sums at the end of every step, the start among them.
+    """Sums at the start and at the end of every step.
 
     Parameters
     ----------
-    time : [s], (H,). filled_share : resin over pore volume, (H,). stored : resin [m3], (H,).
-    balance_error : what entered and did not leave, less what is stored [m3], (H,).
-    wet_area : of the part that resin covers [m2], (H,).
-    gate_pressure, gate_rate, injected : [Pa], [m3/s], [m3], each (H, G). vented : [m3], (H, V).
-    force : of what presses on the part [N], those of :data:`FORCES` that are known, (H, 3) or
-        (H, 5); (H, 0) in a mould that does not move.
+    time : [s], (H,).
+    filled_share : resin over pore volume, (H,).
+    stored : resin [m³], (H,).
+    balance_error : resin that entered and did not leave, less the stored resin [m³], (H,).
+    wet_area : of the part that resin covers [m²], (H,).
+    gate_pressure, gate_rate, injected : [Pa], [m³/s], [m³], each (H, G).
+    vented : [m³], (H, V).
+    force : on the part [N], those of :data:`FORCES` that are known, (H, 3) or (H, 5); (H, 0) in a
+        mould that does not move.
     """
 
     time: np.ndarray
@@ -123,7 +129,7 @@ class FillingHistory:
 
 
 class FilledStages(NamedTuple):
-    """Which stage of the process each saved state (F,) and each step (H,) belongs to.
+    """Numbers of the stages of the process, of each saved state (F,) and each step (H,).
 
     names : of all stages, in their order.
     """
@@ -135,12 +141,15 @@ class FilledStages(NamedTuple):
 
 @dataclass(frozen=True)
 class FilledLayer:
-    """How the flow medium on a part fills: at the nodes of the part, nan where there is none.
+    """Results of the flow medium on a part, at the nodes of the part; nan where there is none.
 
     Parameters
     ----------
-    fill : (F, N). pressure : [Pa], (F, N). resin_volume : [m3], (F, N). fill_time : [s], (N,).
-    pore_volume : of all of it [m3].
+    fill : fill factor, (F, N).
+    pressure : [Pa], (F, N).
+    resin_volume : [m³], (F, N).
+    fill_time : [s], (N,).
+    pore_volume : of the whole flow medium [m³].
     """
 
     fill: np.ndarray
@@ -153,16 +162,16 @@ class FilledLayer:
     def of_record(
         cls, setup: FillingSetup, record: FillingRecord, state: FillingState
     ) -> FilledLayer | None:
-        """Take what a filling has kept of the layer; None where there is no layer."""
+        """Return the results of the layer in a record; None where there is no layer."""
         medium, count = setup.flow_medium, setup.mesh.node_count
         if medium is None:
             return None
         below = medium.nodes(setup.mesh)
 
         def spread(values: np.ndarray) -> np.ndarray:
-            found = np.full((*values.shape[:-1], count), np.nan)
-            found[..., below] = values[..., count:]
-            return found
+            at_nodes = np.full((*values.shape[:-1], count), np.nan)
+            at_nodes[..., below] = values[..., count:]
+            return at_nodes
 
         area = float(setup.mesh.areas[medium.cells].sum())
         return cls(
@@ -176,20 +185,26 @@ class FilledLayer:
 
 @dataclass(frozen=True)
 class FilledPart:
-    """A formed part and how it fills.
+    """A formed part with the results of its filling.
 
     Parameters
     ----------
     setup : the part, its places and material.
-    time : of the saved states [s], (F,). fill : (F, N). pressure : [Pa], (F, N).
-    resin_volume : of the control volumes [m3], (F, N). velocity : of Darcy [m/s], (F, C, 3).
-    cure, temperature, film : of the resin, [K], and on the sheet [m], (F, N).
-    thickness : of the cells [m], (F, C). fibre_volume_fraction : (F, C).
-    coupling : how textile and resin were brought to agree, where something presses on the part.
-    stages : of the process in which it fills, None where there are none.
-    layer : the flow medium on it, None where there is none; histories, the pore volume and the
-        state hold both, the nodes and cells of the layer behind those of the part.
-    state : the last one. outcome, message : why it ended (:class:`FillingResult`).
+    time : of the saved states [s], (F,).
+    fill : fill factor, (F, N).
+    pressure : [Pa], (F, N).
+    resin_volume : of the control volumes [m³], (F, N).
+    velocity : Darcy's [m/s], (F, C, 3).
+    cure, temperature : of the resin, [1] and [K], (F, N).
+    film : thickness of the resin on the sheet [m], (F, N).
+    thickness : of the cells [m], (F, C).
+    fibre_volume_fraction : (F, C).
+    state : the last one.
+    outcome, message : why the filling ended (:class:`FillingResult`).
+    coupling : convergence between textile and resin, where the part is pressed.
+    stages : of the process, None where it has none.
+    layer : the flow medium on the part, None where there is none. Histories, pore volume and state
+        include it; its nodes and cells follow those of the part.
     """
 
     setup: FillingSetup
@@ -216,7 +231,7 @@ class FilledPart:
         cls, setup: FillingSetup, record: FillingRecord, state: FillingState, outcome: str,
         message: str, coupling: History | None = None, stages: Sequence[str] = (),
     ) -> FilledPart:  # fmt: skip
-        """Gather what a filling has left; ``stages`` are the names of those of its process."""
+        """Return the results in a record; ``stages`` are the names of the stages."""
         gates, vents = len(setup.gates), len(setup.vents)
         nodes, cells = setup.mesh.node_count, setup.mesh.cell_count
         history = FillingHistory(
@@ -256,39 +271,39 @@ class FilledPart:
 
     @property
     def is_filled(self) -> bool:
-        """Whether nothing is left to fill."""
+        """Whether all pores are filled."""
         return self.outcome == "filled"
 
     @property
     def pore_volume(self) -> float:
-        """Volume of all pores in the end [m3], with those of a flow medium."""
+        """Volume of all pores at the end [m³], with those of a flow medium."""
         open_height = self.thickness[-1] * (1.0 - self.fibre_volume_fraction[-1])
         above = 0.0 if self.layer is None else self.layer.pore_volume
         return float(self.setup.mesh.areas @ open_height) + above
 
     @property
     def is_pressed(self) -> bool:
-        """Whether something presses on the part, so that its thickness changes."""
+        """Whether the part is pressed, so that its thickness changes."""
         case = self.setup.case
         moved = bool(np.any(self.thickness != self.thickness[:1]))
         return case.closure is not None or case.with_forming is not None or moved
 
     @property
     def fill_time(self) -> np.ndarray:
-        """When the front passed each node [s], nan where it is dry, (N,)."""
+        """Time at which the front passed each node [s], nan where it is dry, (N,)."""
         return self.state.fill_time[: self.setup.mesh.node_count]
 
     @property
     def dry_spots(self) -> list[tuple[str, DrySpot]]:
-        """Pockets of air that the front closed around, the largest first, with names.
+        """Names and pockets of air that the front has enclosed, the largest first.
 
-        Of a pocket in a flow medium the nodes below are named.
+        The nodes of a pocket in a flow medium are those of the part below it.
         """
         spots = self._spots
         medium, count = self.setup.flow_medium, self.setup.mesh.node_count
         if medium is not None:
-            own = np.concatenate([np.arange(count), medium.nodes(self.setup.mesh)])
-            spots = [replace(spot, nodes=np.unique(own[spot.nodes])) for spot in spots]
+            of_part = np.concatenate([np.arange(count), medium.nodes(self.setup.mesh)])
+            spots = [replace(spot, nodes=np.unique(of_part[spot.nodes])) for spot in spots]
         return [(f"dry {number}", spot) for number, spot in enumerate(spots, start=1)]
 
     @property
@@ -297,15 +312,16 @@ class FilledPart:
 
     @cached_property
     def left_dry(self) -> list[tuple[float, float]]:
-        """Area [m2] and pore volume [m3] of each of the dry spots that are dry in the end.
+        """Area [m²] and pore volume [m³] of each dry spot that is still dry at the end.
 
-        Compressed air keeps a bubble; without it a pocket fills as far as the time allows.
+        Compressed air leaves a bubble. Without compressed air a pocket fills as far as the time
+        allows.
         """
         setup = self.setup
         mesh, preform, links = setup.layers()
         medium = Medium(mesh, preform, setup.race_tracks, links=links)
-        still = preform.of_cells(mesh.cell_count).thickness[setup.mesh.cell_count :]
-        pores = medium.pores(np.concatenate([self.thickness[-1], still]))
+        of_layer = preform.of_cells(mesh.cell_count).thickness[setup.mesh.cell_count :]
+        pores = medium.pores(np.concatenate([self.thickness[-1], of_layer]))
         room = np.where(self.state.full, 0.0, pores - self.state.resin_volume)
         area = room / pores * medium.sheet_area
         return [

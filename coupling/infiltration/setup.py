@@ -1,4 +1,4 @@
-"""From a formed part and the words of a scene to what the filling computes with."""
+"""Set-up of a filling: the places and materials of a case, found on the mesh of a formed part."""
 
 from __future__ import annotations
 
@@ -34,15 +34,17 @@ from lcmchain.scene import infiltration as scene
 
 @dataclass(frozen=True)
 class FillingSetup:
-    """A part as it is to be filled.
+    """A part with all that its filling needs.
 
     Parameters
     ----------
     part : with the thickness, fibre volume fraction and permeability of the regions.
-    mesh, preform, gates, vents, race_tracks : what the filling computes with.
-    wetted : rows of nodes that are full at the start. film : resin on top, if there is any.
-    warnings : what a user should know before.
-    flow_medium : layer on the preform, if there is one; gates enter it where they lie on it.
+    case : of the scene.
+    mesh, preform, gates, vents, race_tracks : arguments of the filling.
+    wetted : rows of nodes that are full at the start.
+    film : resin on the preform, if there is any.
+    warnings : for the user, before the filling.
+    flow_medium : layer on the preform, if there is one; resin of gates on it enters it.
     """
 
     part: FormedPart
@@ -85,7 +87,7 @@ class FillingSetup:
         )
 
     def layers(self) -> tuple[FlowMesh, Preform, Links | None]:
-        """Mesh and preform with the flow medium, and where it lies; as they are without one."""
+        """Return mesh and preform with the flow medium, and its links; without one as they are."""
         if self.flow_medium is None:
             return self.mesh, self.preform, None
         return self.flow_medium.layered(self.mesh, self.preform)
@@ -94,7 +96,7 @@ class FillingSetup:
 def _on_layer(
     gates: Sequence[Gate], vents: Sequence[Vent], wetted: np.ndarray, links: Links
 ) -> tuple[tuple[Gate, ...], tuple[Vent, ...], np.ndarray]:
-    """Gates in the layer where they lie on it; vents and wetted places in both."""
+    """Return gates moved into the layer where they are on it; vents and wetted nodes in both."""
 
     def above(nodes: np.ndarray) -> np.ndarray:
         return links.above[np.isin(links.below, nodes)]
@@ -112,7 +114,7 @@ def set_up(
     case: scene.Infiltration,
     directory: Path | None = None,
 ) -> FillingSetup:
-    """Find the places of a scene on a part, and give the cells their material.
+    """Find the places of a case on a part, and give the cells their material.
 
     Parameters
     ----------
@@ -120,8 +122,8 @@ def set_up(
 
     Raises
     ------
-    InputError : a place that is not on the mesh, a place that is gate and vent, cells through which
-        nothing can flow, or a piece of the mesh that no resin can reach.
+    InputError : a place that is not on the mesh, a node that is in a gate and a vent, cells through
+        which nothing can flow, or a loose piece of the mesh that no resin can reach.
     """
     require_origin(part, case.preform)
     mesh = FlowMesh.from_target(part.target)
@@ -145,12 +147,12 @@ def set_up(
     film = _film(case.film, places)
     medium = _flow_medium(case.flow_medium, part, places)
     if medium is not None:
-        medium.layered(mesh, preform)  # says what is missing
+        medium.layered(mesh, preform)  # raises where an entry is missing
         _require_on_one(gates, medium.nodes(mesh))
-    lies = np.empty(0, dtype=np.int64)
+    under_film = np.empty(0, dtype=np.int64)
     if film is not None:
-        lies = np.flatnonzero(np.asarray(film.thickness) > 0.0)
-    _require_reached(mesh, gates, vents, np.union1d(wet, lies), places)
+        under_film = np.flatnonzero(np.asarray(film.thickness) > 0.0)
+    _require_reached(mesh, gates, vents, np.union1d(wet, under_film), places)
     setup = FillingSetup(part, case, mesh, preform, gates, vents, tracks, wet, film, (), medium)
     return replace(setup, warnings=(*part.warnings, *mesh.warnings(), *_doubts(setup, places)))
 
@@ -182,7 +184,7 @@ def require_places(target: TargetMesh, case: scene.Infiltration) -> None:
 
 
 def _places(mesh: FlowMesh, target: TargetMesh) -> Places:
-    """The places of a mesh, with the numbers of the user's file."""
+    """Return the places of a mesh, with the numbers of the user's file."""
     used = np.unique(target.corners[target.corners >= 0])
     return Places(
         mesh.points, mesh.cells, mesh.node_sets, mesh.cell_sets, target.node_ids[used],
@@ -191,7 +193,7 @@ def _places(mesh: FlowMesh, target: TargetMesh) -> Places:
 
 
 def _keyed(table: str, entries: Sequence[NamedPlace]):
-    """Pairs of the key in the scene and the entry."""
+    """Return pairs of the key in the scene and the entry."""
     return [(f'{table}[{k}] "{entry.name}"', entry) for k, entry in enumerate(entries)]
 
 
@@ -204,12 +206,13 @@ def _with_regions(
     for name in ("thickness", "fibre_volume_fraction"):
         values = part.cell(name).copy()
         for region, rows in zip(case.regions, cells, strict=True):
-            given = getattr(region, name)
-            if given is not None:
-                values[rows] = given
+            value = getattr(region, name)
+            if value is not None:
+                values[rows] = value
         for ply in part.ply_names if name == "fibre_volume_fraction" else ():
-            own = f"{ply}_{name}"  # all plies become as much denser
-            dataset[own] = dataset[own].copy(data=values / part.cell(name) * part.cell(own))
+            of_ply = f"{ply}_{name}"  # all plies become denser by the same factor
+            scaled = values / part.cell(name) * part.cell(of_ply)
+            dataset[of_ply] = dataset[of_ply].copy(data=scaled)
         dataset[name] = dataset[name].copy(data=values)
     part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
     for region, rows in zip(case.regions, cells, strict=True):
@@ -265,7 +268,7 @@ def _vent(vent: scene.Vent, least: float, places: Places, key: str, gates: Seque
 
 
 def _film(film: scene.ResinFilm | None, places: Places) -> Film | None:
-    """The film that lies on the nodes of a place, or on all."""
+    """Return the film on the nodes of a place, or on all nodes."""
     if film is None:
         return None
     thickness = np.zeros(len(places.points))
@@ -279,26 +282,27 @@ def _film(film: scene.ResinFilm | None, places: Places) -> Film | None:
 
 
 def _flow_medium(
-    given: scene.FlowMedium | None, part: FormedPart, places: Places
+    entry: scene.FlowMedium | None, part: FormedPart, places: Places
 ) -> FlowMedium | None:
-    """The flow medium on the cells of a place, or on all."""
-    if given is None:
+    """Return the flow medium on the cells of a place, or on all cells."""
+    if entry is None:
         return None
     cells = np.arange(part.target.cell_count)
-    if given.over is not None:
-        cells = places.cells_of(given.over, "flow_medium.over")
-    own = given.permeability
+    if entry.over is not None:
+        cells = places.cells_of(entry.over, "flow_medium.over")
+    permeability = entry.permeability
     try:
-        first, second = axes_in_plane(part.target, cells, np.array(own.axis), part)
+        first, second = axes_in_plane(part.target, cells, np.array(permeability.axis), part)
     except InputError as error:
         raise InputError(error.message, key="flow_medium.permeability.axis") from None
-    tensor = np.einsum("ci,cj->cij", first, first) * own.k1
-    tensor += np.einsum("ci,cj->cij", second, second) * (own.ratio * own.k1)
-    return FlowMedium(cells, given.thickness, given.porosity, tensor)
+    k1, k2 = permeability.k1, permeability.ratio * permeability.k1
+    tensor = np.einsum("ci,cj->cij", first, first) * k1
+    tensor += np.einsum("ci,cj->cij", second, second) * k2
+    return FlowMedium(cells, entry.thickness, entry.porosity, tensor)
 
 
 def _require_on_one(gates: Sequence[Gate], covered: np.ndarray) -> None:
-    """Refuse a round gate that lies on the flow medium and beside it."""
+    """Refuse a round gate that is partly on the flow medium and partly beside it."""
     for number, gate in enumerate(gates):
         inside = np.isin(gate.nodes, covered)
         if gate.radius is not None and inside.any() and not inside.all():
@@ -312,7 +316,7 @@ def _require_on_one(gates: Sequence[Gate], covered: np.ndarray) -> None:
 def _race_track(
     track: scene.RaceTrack, thickness: np.ndarray, places: Places, key: str
 ) -> RaceTrack:
-    """A slit of the given width, as high as the cells beside it are thick: w³ h / 12 in it."""
+    """Return a slit of the stated width w, as high as the thickness h of the cells: w³ h / 12."""
     edges = places.edges(track, key)
     height = np.bincount(
         places.cells[places.cells >= 0],
@@ -343,7 +347,7 @@ def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places)
 def _require_reached(
     mesh: FlowMesh, gates: Sequence[Gate], vents: Sequence[Vent], wet: np.ndarray, places: Places
 ) -> None:
-    """Refuse pieces of the mesh that no resin enters, or that no air can leave."""
+    """Refuse loose pieces of the mesh that no resin can enter, or no air can leave."""
     piece = mesh.part_of_node
     count = int(piece.max()) + 1
     if count == 1:
@@ -351,11 +355,11 @@ def _require_reached(
     sources = np.unique(piece[np.concatenate([wet, *(gate.nodes for gate in gates)])])
     leaves = np.unique(piece[np.concatenate([vent.nodes for vent in vents])])
     of_cell = piece[mesh.cells[:, 0]]
-    for what, found, remedy in (
+    for what, served, remedy in (
         ("gate or wetted place, so that they can never fill", sources, "a gate"),
         ("vent, so that their air cannot leave", leaves, "a vent"),
     ):
-        missing = np.setdiff1d(np.arange(count), found)
+        missing = np.setdiff1d(np.arange(count), served)
         if len(missing):
             cells = np.flatnonzero(np.isin(of_cell, missing))
             first = int(cells[0])
@@ -367,19 +371,20 @@ def _require_reached(
             )
 
 
-# --- what can be computed, but was perhaps not meant ----------------------------------------------
+# --- warnings: what can be computed, but is perhaps a mistake -------------------------------------
 
 
-#: Longest extents [m] between which a part is taken for one.
+#: Plausible range of the largest extent of a part [m].
 SMALLEST_PART, LARGEST_PART = 5e-3, 100.0
-#: A gate with a larger share of the nodes leaves little to flow through.
+#: Largest plausible share of the nodes in a gate; a larger one leaves little to flow through.
 MOST_GATE = 0.5
-#: A wider race track, in lengths of the mesh's edges, holds more resin than the cells beside it.
+#: Largest plausible width of a race track over an edge of the mesh; a wider one holds more resin
+#: than the cells beside it.
 WIDEST_TRACK = 1.0
 
 
 def _doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
-    """Yield a sentence for each, with its remedy."""
+    """Yield warnings, each a sentence with its remedy."""
     yield from _size_doubts(places)
     yield from _gate_doubts(setup, places)
     yield from _never_open(setup)
@@ -418,7 +423,7 @@ def _gate_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
 
 
 def _never_open(setup: FillingSetup) -> Iterator[str]:
-    """Gates and vents that open after the filling has ended."""
+    """Yield warnings on gates and vents that open after the end of the filling."""
     end = setup.case.time
     for kind, entries in (("gate", setup.case.gates), ("vent", setup.case.vents)):
         for entry in entries:
@@ -430,7 +435,7 @@ def _never_open(setup: FillingSetup) -> Iterator[str]:
 
 
 def _region_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
-    """Regions that share cells, and denser ones whose permeability stays that of the mapping."""
+    """Yield warnings on regions that share cells, or change the density alone."""
     regions = setup.case.regions
     rows = [places.cells_of(region, "regions") for region in regions]
     for (one, cells), (other, others) in combinations(zip(regions, rows, strict=True), 2):
@@ -456,7 +461,7 @@ def _region_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
 
 
 def _layer_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:
-    """A layer that conducts less than the preform, or whose lead the mesh does not resolve."""
+    """Yield warnings on a layer that conducts less than the preform, or with an unresolved lead."""
     layer, given, preform = setup.flow_medium, setup.case.flow_medium, setup.preform
     if layer is None or given is None or preform.through_permeability is None:
         return

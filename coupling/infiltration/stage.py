@@ -1,4 +1,4 @@
-"""The infiltration stage: a formed part and its case in; fields, pictures and report out."""
+"""The infiltration stage: from a formed part and its case to fields, pictures and report."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.compilation.cache import source_hash
-from lcmchain.coupling.closing.mould import Mould
 from lcmchain.coupling.infiltration.files import (
     filling_groups,
     read_checkpoint,
@@ -31,6 +30,7 @@ from lcmchain.coupling.infiltration.picture import (
 from lcmchain.coupling.infiltration.report import FillingReport, filling_report
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
+from lcmchain.coupling.mould import Mould
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.forming_run import stop_requests
@@ -39,33 +39,34 @@ from lcmchain.mapping.sheet import file_sha256
 from lcmchain.mapping.structure.stage import is_mapped, mapped_onto, open_mapped
 from lcmchain.scene.infiltration import Infiltration
 
-#: Told how much is filled (of one) and a text.
+#: Called with the filled share and a text.
 Tell = Callable[[float, str], None]
-#: What the names of the stage's files end in, before their suffix.
+#: End of the names of the stage's files, before the suffix.
 ENDING = "_filling"
 
-#: Endings of the files by what they hold; the film's follows its kind.
+#: Endings of the files by their content; that of the film follows its kind.
 FILES = {
     "netcdf": ".nc", "vtu": ".vtu", "series": ".pvd", "report": ".json",
     "fill_time": "_time.png", "pressure": "_pressure.png", "curves": "_curves.png",
     "medium_time": "_medium_time.png",
 }  # fmt: skip
-#: What a mapping adds to the title of a result.
+#: Text that a mapping adds to the title of a result.
 _OF_MAPPING = ": forming fields on the"
 PICTURES = ("fill_time", "pressure", "curves", "medium_time")
 
 
 @dataclass(frozen=True)
 class FillOptions:
-    """How the stage runs, beside its case.
+    """Options of the stage, besides its case.
 
     Parameters
     ----------
-    picture : draw pictures, and the film that the case asks for. vtu : write files for ParaView.
+    picture : draw pictures, and the film of the case.
+    vtu : write files for ParaView.
     frame : saved state of a forming result, from 0; -1 is the last one.
-    allow_incomplete : take fields of a forming run that was stopped.
+    allow_incomplete : accept a forming run that was stopped.
     directory : folder to which file names in the case are relative; None is the current one.
-    resume : go on from a checkpoint, which has to be there; None goes on where one fits.
+    resume : go on from a checkpoint, which must exist; None: go on where one fits.
     """
 
     picture: bool = True
@@ -89,13 +90,13 @@ def fill_part(
 
     Parameters
     ----------
-    source : mapped file, or forming result, of which the sheet's own faces are filled.
+    source : mapped file, or forming result, whose sheet is filled on its own mesh.
     name : the files are ``NAME_filling.nc``, ``.vtu``, ``.pvd``, ``.json``, pictures, and a film.
     tell : called with the filled share and a text.
 
     Raises
     ------
-    InputError : fields, places or cells that are wrong; nothing is written then.
+    InputError : wrong fields, places or cells; nothing is written.
     SimulationInterrupted : the user stopped it; a checkpoint was left.
     """
     options = options or FillOptions()
@@ -139,11 +140,11 @@ def write_filled(
 
 
 def fill(part: FormedPart, case: Infiltration, tell: Tell | None = None) -> FilledPart:
-    """Fill a formed part, whose dataset may hold any fields in place of the formed; write nothing.
+    """Fill a part and write nothing; its dataset may come from elsewhere than from forming.
 
     Raises
     ------
-    InputError : fields, places or cells that are wrong.
+    InputError : wrong fields, places or cells.
     SimulationInterrupted : the user stopped it.
     """
     return FillingRun(set_up(part, case), None, {}, tell or (lambda share, text: None)).complete()
@@ -155,7 +156,7 @@ def checkpoint_file(out_dir: Path | str, name: str) -> Path:
 
 
 def fingerprint_of(setup: FillingSetup) -> dict[str, str]:
-    """Return hashes of what decides the numbers of a filling, by what they are of."""
+    """Return hashes of all that the result of a filling depends on, by name."""
     digest = hashlib.sha256()
     mesh, preform = setup.mesh, setup.preform
     for array in (mesh.points, mesh.cells, preform.thickness, preform.porosity,
@@ -185,7 +186,7 @@ def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
 
 
 def _title_of(filled: FilledPart, report: FillingReport) -> str:
-    """Return what was filled, in words."""
+    """Return the title of a result: that of the part, and the name of the filling."""
     of_part = str(filled.setup.part.dataset.attrs.get("title", ""))
     of_part = of_part.partition(_OF_MAPPING)[0]
     return f"{of_part}: {report.name}".lstrip(": ")
@@ -237,7 +238,7 @@ def _write(
     report.save(files["report"])
 
 
-# --- from a forming result: mapped where it is not on the mesh yet --------------------------------
+# --- mapping and filling of a forming result ------------------------------------------------------
 
 
 def map_and_fill(
@@ -251,14 +252,14 @@ def map_and_fill(
     options: FillOptions | None = None,
     tell: Tell | None = None,
 ) -> tuple[MappingReport | None, FillingReport]:
-    """Fill a forming result or a mapped file, after mapping it onto a mesh where one is named.
+    """Fill a forming result or a mapped file; map it onto a mesh first where one is named.
 
     Parameters
     ----------
     source : forming result, mapped file, or the mesh file of a case with a ``preform``.
-    mesh : what is not mapped onto it yet is mapped first, into ``NAME.nc`` and its companions;
-        None fills the mapped mesh, or the faces of the formed sheet.
-    mapping : how it is mapped. Other arguments as of :func:`fill_part`.
+    mesh : a source that is not on this mesh is mapped first, into ``NAME.nc`` and its companions;
+        None: the mapped mesh, or the faces of the formed sheet, are filled.
+    mapping : options of the mapping. Other arguments as of :func:`fill_part`.
 
     Raises
     ------
@@ -277,13 +278,13 @@ def map_and_fill(
         return None, fill_part(part, case, name=name, out_dir=out_dir, options=options, tell=tell)
     report = None
     if mesh is not None:
-        found = open_mapped(path)
-        if not mapped_onto(found, mesh):
+        source_data = open_mapped(path)
+        if not mapped_onto(source_data, mesh):
             report = map_forming(
                 path, mesh, replace(mapping, kind="infiltration"), name=name, out_dir=out_dir,
                 frame=options.frame, allow_incomplete=options.allow_incomplete,
             )  # fmt: skip
-            if is_mapped(found):
+            if is_mapped(source_data):
                 report.warnings.append(
                     f"{path.name} is mapped onto another mesh, or another state of this one: its "
                     "fields were mapped once more; start from the forming result to lose nothing"
@@ -296,24 +297,25 @@ def is_mapped_from(mapped: Path, forming: Path, mesh: Path) -> bool:
     """Whether a file holds the fields of this forming result on this mesh."""
     if not mapped.is_file():
         return False
-    found = open_mapped(mapped)
-    return mapped_onto(found, mesh) and found.attrs.get("source_sha256") == file_sha256(forming)
+    dataset = open_mapped(mapped)
+    is_on_mesh = mapped_onto(dataset, mesh)
+    return is_on_mesh and dataset.attrs.get("source_sha256") == file_sha256(forming)
 
 
-# --- the filling advanced to its end, with saved states, histories and checkpoints ----------------
+# --- the run: saved states, histories and checkpoints ---------------------------------------------
 
 
-#: A checkpoint is written after this time of computing [s].
+#: Wall-clock time between two checkpoints [s].
 CHECKPOINT_INTERVAL = 30.0
 
 
 class FillingRun:
-    """Advances a filling and keeps what it finds.
+    """Advances a filling and records it.
 
     Parameters
     ----------
-    checkpoint : file that is written on the way, None for none.
-    fingerprint : of what decides the numbers.
+    checkpoint : file of the checkpoints, None for none.
+    fingerprint : see :func:`fingerprint_of`.
     tell : called after every step with the filled share and a text.
     """
 
@@ -324,16 +326,16 @@ class FillingRun:
         self.tell = tell
         self.filling = setup.filling()
         self.mould = self._mould()
-        #: What is advanced and saved: the filling, or the mould that closes on it.
+        #: Advances and saves: the filling, or the mould that closes on it.
         self.mover: Filling | Mould = self.mould or self.filling
         self.record = FillingRecord.empty()
-        # resin in a flow medium covers nothing of the part
+        # resin in a flow medium does not cover the part
         area = node_areas(setup)
         layer = self.filling.mesh.node_count - len(area)
         self._node_area = np.concatenate([area, np.zeros(layer)])
 
     def complete(self, *, resume: bool = False) -> FilledPart:
-        """Advance to the end and return what was found.
+        """Advance to the end and return the result.
 
         Raises
         ------
@@ -356,7 +358,7 @@ class FillingRun:
         self.record.add_step(self.filling, self._node_area, self._force())
 
     def note(self, filling: Filling) -> float:
-        """Record a step that has been taken; return the filled share."""
+        """Record a time step; return the filled share."""
         self.record.add_step(filling, self._node_area, self._force())
         share = filling.filled_share
         if self._is_frame(share):
@@ -365,9 +367,9 @@ class FillingRun:
         return share
 
     def found(self, outcome: str, message: str) -> FilledPart:
-        """Return what was recorded, with the present state as its last frame.
+        """Return the result, with the present state as its last frame.
 
-        A part that is full, but from whose vents resin bleeds up to the end, is filled.
+        A full part from whose vents resin bleeds up to the end counts as filled.
         """
         if outcome == "reached" and self.filling.state.full.all():
             outcome, message = "filled", f"all pores are full, and {message}"
@@ -379,7 +381,7 @@ class FillingRun:
         )
 
     def _mould(self) -> Mould | None:
-        """What closes on the part, if something does."""
+        """Return the mould that closes on the part, if the case has a closure."""
         setup = self.setup
         if setup.case.closure is None:
             return None
@@ -406,19 +408,16 @@ class FillingRun:
         share = self.note(filling)
         if self._stop.is_set():
             self._save()
+            resume = "; the same command with --resume goes on from here"
             raise SimulationInterrupted(
                 f"stopped at {filling.time:.4g} s with {share:.1%} filled"
-                + (
-                    ""
-                    if self.checkpoint is None
-                    else "; the same command with --resume goes on from here"
-                )
+                f"{'' if self.checkpoint is None else resume}"
             )
         if time.perf_counter() - self._saved > CHECKPOINT_INTERVAL:
             self._save()
 
     def _is_frame(self, share: float) -> bool:
-        """Whether the filling has come to a share or a time that is to be saved."""
+        """Whether the filling has reached a share or a time at which its fields are saved."""
         return is_frame_due(
             self.setup.case,
             (self.filling.time, share),
@@ -438,22 +437,23 @@ class FillingRun:
 
 
 def is_frame_due(case: Infiltration, now: tuple[float, float], last: tuple[float, float]) -> bool:
-    """Whether a filling has come to a time or a filled share at which its fields are to be saved.
+    """Whether a filling has reached a time or a filled share at which its fields are saved.
 
     now, last : time [s] and filled share, at present and in the last saved state.
     """
     if case.frame_interval is not None:
-        here, before = now[0], last[0]
-        step, slack = case.frame_interval, 1e-12 * here / case.frame_interval
+        reached, saved = now[0], last[0]
+        step, slack = case.frame_interval, 1e-12 * reached / case.frame_interval
     else:
-        here, before = now[1], last[1]
+        reached, saved = now[1], last[1]
         step, slack = 1.0 / (case.frames - 1), 1e-9
-    return bool(np.floor(here / step + slack) > np.floor(before / step + slack))
+    return bool(np.floor(reached / step + slack) > np.floor(saved / step + slack))
 
 
 def node_areas(setup: FillingSetup) -> np.ndarray:
-    """Area of the mesh that belongs to each node [m2], (N,): equal parts of its cells."""
+    """Return the area of the mesh at each node (N,) [m²]: equal shares of its cells."""
     cells = setup.mesh.cells
-    there = cells >= 0
-    part = np.where(there, (setup.mesh.areas / there.sum(axis=1))[:, None], 0.0)
-    return np.bincount(cells[there], weights=part[there], minlength=setup.mesh.node_count)
+    is_corner = cells >= 0
+    share = np.where(is_corner, (setup.mesh.areas / is_corner.sum(axis=1))[:, None], 0.0)
+    corners, shares = cells[is_corner], share[is_corner]
+    return np.bincount(corners, weights=shares, minlength=setup.mesh.node_count)

@@ -6,15 +6,16 @@
                           ▲                      │ not yet
                           └── schemes: inputs ◀──┘
 
-- ``interface`` : what a part offers (:class:`CoupledPart`), what is exchanged between two parts
+- ``interface`` : what a part offers (:class:`CoupledPart`), what two parts exchange
   (:class:`Exchange`), and when it counts as converged.
 - ``sweep`` : one evaluation of all parts over a window.
-- ``schemes`` : in which order the parts advance, and how the next inputs follow from their answers.
+- ``schemes`` : the order of the parts, and how the next inputs follow from their answers.
 - ``attempt`` : evaluates the parts until all fields agree, or says which does not.
-- ``system`` : goes through windows of time; it is a part itself, so that systems nest.
-- ``history`` : all iterations and windows as data. ``checkpoint`` : saved states in a file.
-- ``consolidation`` : Terzaghi's column as two parts, the standard problem. ``study`` : the schemes
-  on it over stiffness and permeability.
+- ``system`` : advances in windows of time. It is a part itself, so that systems nest.
+- ``history`` : all iterations and windows as data, ``plot`` : their picture. ``checkpoint`` : saved
+  states in a file.
+- ``consolidation`` : Terzaghi's column as two parts, the standard problem. On it ``study`` compares
+  the schemes over stiffness and permeability, and ``hard_cases`` checks them.
 """
 
 from lcmchain.coupling.iteration.attempt import NotConverged, NotSettled

@@ -1,7 +1,7 @@
-"""Going through one window: the parts are evaluated until all exchanged fields agree.
+"""One window: the parts are evaluated until all exchanged fields agree.
 
-Whether a field has converged is judged after each evaluation. Where it does not, the error says
-which field, where, and by how much.
+Each evaluation is followed by a judgement on every field. The error of a window that does not
+converge names the field, the place and the excess.
 """
 
 from __future__ import annotations
@@ -18,16 +18,20 @@ from lcmchain.coupling.iteration.schemes import Scheme
 from lcmchain.coupling.iteration.sweep import Sweep
 from lcmchain.errors import SimulationError
 
-#: An iteration is given up when a residual has grown by this factor, over the field's size too.
+#: Growth of a residual, over its first value and the size of the field, that ends an iteration.
 HOPELESS = 1e12
 
 
 @dataclass(frozen=True)
 class Window:
-    """What is known before a window: its number, its attempt, its end and the fields.
+    """A window before it is computed.
 
-    ``begin`` and ``predicted`` hold one array per exchange, at its begin and extrapolated to its
-    end; ``start`` the saved states of the parts, empty where nothing returns to them.
+    Parameters
+    ----------
+    number, attempt : count from 0.
+    size, end : [s].
+    begin, predicted : fields at its begin and extrapolated to its end, one array per exchange.
+    start : saved states of the parts at its begin, by name; empty where nothing returns to them.
     """
 
     number: int
@@ -41,26 +45,29 @@ class Window:
 
 @dataclass(frozen=True)
 class Attempt:
-    """What came of going through a window: the last inputs and answers per exchange."""
+    """Result of an attempt at a window, with the last inputs and answers per exchange.
+
+    missed : largest difference between answer and prediction of a judged exchange, over its field.
+    """
 
     iterations: int
     inputs: list[Values]
     answers: list[Values]
     judgements: list[Judgement]
     converged: bool
-    missed: float  # largest coupling residual of a judged exchange, relative to its field
+    missed: float
 
 
 class Iteration:
-    """A scheme at work on parts; keeps what it learns from window to window."""
+    """A scheme applied to parts; keeps its memory from window to window."""
 
     def __init__(self, sweep: Sweep, scheme: Scheme, history: History) -> None:
         self.sweep, self.scheme, self.history = sweep, scheme, history
-        self._scales = np.zeros(len(sweep.exchanges))  # largest size in windows that stand
+        self._scales = np.zeros(len(sweep.exchanges))  # largest size in accepted windows
         self._last_size = math.nan
 
     def start(self, fields: list[Values]) -> None:
-        """Take the fields at the begin of the first window."""
+        """Take the sizes of the fields at the begin of the first window."""
         self._scales = np.array([rms(field) for field in fields])
 
     def attempt(self, window: Window, earlier: int = 0) -> Attempt:
@@ -68,7 +75,7 @@ class Iteration:
 
         Parameters
         ----------
-        earlier : iterations that this attempt at the window has already had.
+        earlier : iterations that this attempt at the window already had.
 
         Raises
         ------
@@ -79,7 +86,7 @@ class Iteration:
         self._begin(window.size)
         inputs = window.predicted if scheme.explicit else self._bounded(window.predicted)
         before = inputs
-        sizes = [0.0] * len(sweep.exchanges)
+        sizes = [0.0] * len(sweep.exchanges)  # least of each field so far
         first: list[float] = []  # residuals of the first iteration
         for iteration in range(1, scheme.most_iterations + 1):
             if iteration > 1:
@@ -103,14 +110,14 @@ class Iteration:
         return Attempt(iteration, inputs, answers, judgements, converged, missed)
 
     def undo(self, window: Window) -> None:
-        """Return to the begin of a window and forget what it taught."""
+        """Return to the begin of a window and forget what the scheme learnt in it."""
         if window.start:
             self.sweep.restore(window.start)
         if self.scheme.acceleration is not None:
             self.scheme.acceleration.drop_window()
 
     def accept(self, window: Window, attempt: Attempt) -> None:
-        """Keep what a window taught."""
+        """Keep what the scheme learnt in a window."""
         acceleration = self.scheme.acceleration
         if acceleration is not None:
             if attempt.converged:
@@ -121,17 +128,17 @@ class Iteration:
         self._last_size = window.size
 
     def forget(self) -> None:
-        """Forget what windows have taught."""
+        """Forget what the scheme has learnt."""
         if self.scheme.acceleration is not None:
             self.scheme.acceleration.forget()
 
-    def save(self) -> Any:
-        """Return a copy of the memory."""
+    def save(self) -> tuple[Any, Values, float]:
+        """Return a copy of the memory; that of the acceleration is of its own kind."""
         acceleration = self.scheme.acceleration
         learnt = None if acceleration is None else acceleration.save()
         return learnt, self._scales.copy(), self._last_size
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[Any, Values, float]) -> None:
         """Return to a saved memory."""
         learnt, scales, self._last_size = saved
         self._scales = scales.copy()
@@ -141,7 +148,7 @@ class Iteration:
     def _begin(self, size: float) -> None:
         acceleration = self.scheme.acceleration
         if acceleration is not None:
-            # Rates answer to values divided by the window's size, so old differences mislead.
+            # rates depend on the size of the window, so differences of another size mislead
             if not abs(size - self._last_size) <= 0.1 * self._last_size:
                 acceleration.forget()
             acceleration.begin_window()
@@ -153,7 +160,7 @@ class Iteration:
         answers: list[Values],
         begin: list[Values],
     ) -> list[Judgement]:
-        """Judge an unknown by what its parts answer to it, other fields by their last answer."""
+        """Judge an unknown by the answer to it, other fields by their last answer."""
         sweep, explicit = self.sweep, self.scheme.explicit
         return [
             judge(
@@ -169,21 +176,24 @@ class Iteration:
     def _propose(
         self, inputs: list[Values], answers: list[Values], sizes: list[float]
     ) -> list[Values]:
-        """Return the next inputs per exchange; ``sizes``: the least of each field so far."""
+        """Return the next inputs per exchange.
+
+        sizes : least size of each field so far.
+        """
         acceleration = self.scheme.acceleration
         assert acceleration is not None
         x, answer = self._packed(inputs), self._packed(answers)
         proposed = acceleration.propose(x, answer, self._weights(answers, sizes))
         following, at = list(answers), 0
         for i in self.sweep.unknown:
-            part = proposed[at : at + answers[i].size]
+            field = proposed[at : at + answers[i].size]
             at += answers[i].size
             exchange = self.sweep.exchanges[i]
-            following[i] = inputs[i] + exchange.relaxation * (part - inputs[i])
+            following[i] = inputs[i] + exchange.relaxation * (field - inputs[i])
         return self._bounded(following)
 
     def _bounded(self, fields: list[Values]) -> list[Values]:
-        """Return the fields with the unknowns among them within their bounds."""
+        """Return the fields, the unknowns among them limited to their bounds."""
         bounded = list(fields)
         for i in self.sweep.unknown:
             bounds = self.sweep.exchanges[i].bounds
@@ -196,7 +206,7 @@ class Iteration:
 
     def _weights(self, fields: list[Values], sizes: list[float]) -> Values:
         """Return the weights (n,) that give all unknown fields the same size."""
-        # Sizes come from windows that stand; answers on the way may be far too large.
+        # sizes of accepted windows, because answers on the way may be far too large
         weights = []
         for i in self.sweep.unknown:
             count = fields[i].size
@@ -233,15 +243,19 @@ def _least(one: float, other: float) -> float:
     return min(one, other) if one > 0.0 and other > 0.0 else max(one, other)
 
 
-# --- whether an exchanged field has converged, and where it has done so least ---------------------
+# --- judgement: has an exchanged field converged, and where least ---------------------------------
 
 
 @dataclass(frozen=True)
 class Judgement:
     """Residual of one exchange in one iteration against its limit.
 
-    ``limit`` is infinite where the field is not judged; ``worst`` is the number of the value that
-    changed most, ``worst_residual`` by how much.
+    Parameters
+    ----------
+    residual, size : of the field, in its unit.
+    limit : largest residual of a converged field; infinite where it need not converge.
+    worst : number of the value that changed most.
+    worst_residual : its change.
     """
 
     residual: float
@@ -273,9 +287,13 @@ def largest_size(values: Values) -> float:
 def judge(
     before: Values, now: Values, start: Values, tolerance: Tolerance | None, scale: float
 ) -> Judgement:
-    """Judge what an iteration has changed: ``before`` -> ``now``; the window began at ``start``.
+    """Judge the change of a field (n,) in an iteration.
 
-    ``scale`` is the largest size that the field has had.
+    Parameters
+    ----------
+    before, now : the field before and after the iteration.
+    start : the field at the begin of the window.
+    scale : largest size that the field has had.
     """
     norm = largest_size if tolerance is not None and tolerance.norm == "largest" else rms
     change = now - before
@@ -296,11 +314,11 @@ def judge(
     return Judgement(norm(change), size, float(limit), worst, worst_residual)
 
 
-# --- what a window that did not converge tells ----------------------------------------------------
+# --- errors of a window that does not converge ----------------------------------------------------
 
 
 class NotConverged(SimulationError):
-    """A window whose exchanged fields do not agree after the allowed iterations.
+    """The exchanged fields of a window do not agree after the allowed iterations.
 
     Parameters
     ----------
@@ -319,7 +337,7 @@ class NotConverged(SimulationError):
 
 
 class NotSettled(SimulationError):
-    """A window in which what changes in jumps does not come to rest after the allowed iterations.
+    """Values that change in jumps do not come to rest in a window after the allowed iterations.
 
     Parameters
     ----------
@@ -344,7 +362,7 @@ def not_converged(
     sweep: Sweep,
     judgements: list[Judgement],
 ) -> NotConverged:
-    """Return the error of a window that begins at ``time``; its worst exchange is named first."""
+    """Return the error of a window that begins at ``time`` [s]; it names the worst exchange."""
 
     def excess(number: int) -> float:
         judgement = judgements[number]
@@ -354,7 +372,7 @@ def not_converged(
     failing.sort(key=lambda i: -excess(i))
     worst = failing[0]
     judgement, exchange = judgements[worst], sweep.exchanges[worst]
-    place = _place_text(sweep, exchange, judgement.worst)
+    position = _position_text(sweep, exchange, judgement.worst)
     others = [sweep.exchanges[i].name for i in failing[1:]]
     also = f" Also not converged: {', '.join(others)}." if others else ""
     diverged = "did not converge" if iterations == most_iterations else "diverged"
@@ -362,7 +380,7 @@ def not_converged(
         f"the coupling {diverged} ({scheme}) in {iterations} iterations of the window of "
         f"{size:g} s from {time:g} s: {exchange.name} still changes by {judgement.residual:.3g} "
         f"where {judgement.limit:.3g} is allowed ({excess(worst):.3g} times), most at value "
-        f"{judgement.worst}{place} by {judgement.worst_residual:.3g}.{also} Likely cause: the "
+        f"{judgement.worst}{position} by {judgement.worst_residual:.3g}.{also} Likely cause: the "
         "parts answer to each other more strongly than the scheme can follow. Remedies: IQN-ILS in "
         "place of a relaxation, the fixed-stress split between solid and fluid, more iterations; "
         "smaller windows (WindowControl(smallest=...)) where the fields answer to each other the "
@@ -377,8 +395,8 @@ def not_converged(
     )
 
 
-def _place_text(sweep: Sweep, exchange: Exchange, value: int) -> str:
-    """Return the place of a value in millimetres; the target's mesh knows it, else the source's."""
+def _position_text(sweep: Sweep, exchange: Exchange, value: int) -> str:
+    """Return the position of a value in mm, by the target or, on the same mesh, the source."""
     sides = [(exchange.target, exchange.input)]
     if exchange.mapping is None:
         sides.append((exchange.source, exchange.field))

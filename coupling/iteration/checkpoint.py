@@ -1,8 +1,8 @@
-"""A saved state in a file: as arrays and JSON, in an archive that is whole or refused.
+"""Saved states in a file: arrays and JSON, in an archive that is complete or refused.
 
 A saved state is made of nested dicts, lists, tuples, records and arrays. The first line of the
-archive names the format and the SHA-256 of the rest: a file that differs in one bit from what was
-written is refused before anything of it is read.
+archive names the format and the SHA-256 of the rest: a file in which one bit has changed is refused
+before anything of it is read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
 
-#: What a word of the tree stands for, in the first place of a list.
+#: Types of the entries of a tree: the first word of a list.
 _ARRAY, _LIST, _TUPLE, _DICT, _RECORD, _NUMBER = "array", "list", "tuple", "dict", "record", "float"
 
 
@@ -31,16 +31,16 @@ def flattened(saved: Any) -> tuple[Any, list[np.ndarray]]:
 
     Raises
     ------
-    TypeError : something in it is none of the kinds above.
+    TypeError : something in it is of another type.
     """
     arrays: list[np.ndarray] = []
     return _flat(saved, arrays), arrays
 
 
 def restored(tree: Any, arrays: list[np.ndarray], records: Mapping[str, Callable]) -> Any:
-    """Return what was flattened.
+    """Return the saved state of a tree and its arrays.
 
-    records : classes of the records in it, by their names; no other class is ever made.
+    records : classes of the records in it, by name; no other class is ever made.
     """
     if not isinstance(tree, list):
         return tree
@@ -92,7 +92,7 @@ def write_archive(
 ) -> None:
     """Write a header, as JSON, and arrays, whole or not at all.
 
-    form : first words of the file: what it is, and the number of its format.
+    form : first words of the file: its kind, and the number of its format.
     """
     content = io.BytesIO()
     np.savez(content, header=np.array(json.dumps(header)), **arrays)  # type: ignore[arg-type]
@@ -108,7 +108,7 @@ def write_archive(
 def read_archive(path: Path, form: str, anew: str) -> tuple[Any, dict[str, np.ndarray]]:
     """Return header and arrays of a file of this form.
 
-    anew : how to do without it, for messages.
+    anew : how to start without it, for messages.
 
     Raises
     ------

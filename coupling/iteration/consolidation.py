@@ -5,10 +5,9 @@ The solid carries sigma - p (Terzaghi), the incompressible fluid leaves by Darcy
 
     (K/mu) p'' = d(strain)/dt,     strain = -(sigma - p) / M.
 
-Which part gives the pressure decides what is easy. With the pressure from the fluid a mode of
-conductance a answers to a pressure error e by -e C/(a dt), C the solid's compliance: staggered
-coupling diverges for low permeability, soft solids and short windows. With the pressure from the
-solid it is the reciprocal, a dt/C.
+Either part may give the pressure. If the fluid does, a mode of conductance a turns a pressure error
+e into -e C/(a dt), with the solid's compliance C: staggered coupling diverges for low permeability,
+soft solids and short windows. If the solid does, the factor is the reciprocal, a dt/C.
 """
 
 from __future__ import annotations
@@ -48,8 +47,8 @@ class Column:
     height : H [m].
     cell_count : number of cells.
     modulus : M, drained stiffness of the solid for strain along the column [Pa].
-    hardening : b of the law effective stress = M/b (exp(b compression) - 1), linear for 0 and
-        where the solid is pulled.
+    hardening : b of the law effective stress = M/b (exp(b compression) - 1); linear for b = 0 and
+        in tension.
     permeability : K [m2].
     viscosity : mu [Pa s].
     load : sigma, compressive stress on the top from time 0 on [Pa].
@@ -92,7 +91,7 @@ class Column:
         return np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=1)
 
     def conductance(self) -> Values:
-        """Return the symmetric band matrix (2, n) [m3/(s Pa)]: outflow of a cell by pressures."""
+        """Return the symmetric band matrix (2, n) [m3/(s Pa)] from pressures to outflows."""
         between = self.permeability / self.viscosity / self.cell
         band = np.zeros((2, self.cell_count))
         band[0, 1:] = -between
@@ -102,8 +101,8 @@ class Column:
         return band
 
 
-class _Held:
-    """Inputs, time and saved states that all parts of the column share."""
+class _ColumnPart:
+    """Inputs, outputs, time and saved states of a part of the column."""
 
     takes: tuple[str, ...] = ()
     gives: tuple[str, ...] = ()
@@ -122,11 +121,11 @@ class _Held:
         """Return the centres of the cells."""
         return self.column.centres()
 
-    def save(self) -> Any:
+    def save(self) -> tuple[float, Fields]:
         """Return a copy of the state."""
         return self._time, {name: values.copy() for name, values in self._fields.items()}
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[float, Fields]) -> None:
         """Return to a saved state."""
         self._time, fields = saved
         self._fields = {name: values.copy() for name, values in fields.items()}
@@ -148,7 +147,7 @@ class _Held:
         return {name: self._fields[name].copy() for name in names}
 
 
-class FluidColumn(_Held):
+class FluidColumn(_ColumnPart):
     """Pressure from the rate of the cells' volumes: A p = -(rate + slope (p - reference))."""
 
     takes = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE)
@@ -164,7 +163,7 @@ class FluidColumn(_Held):
         self._time += step
 
 
-class SolidColumn(_Held):
+class SolidColumn(_ColumnPart):
     """Volumes of the cells from the pore pressure under a constant total stress.
 
     ``slope_factor`` scales the slope that it reports; from 0.5 on the fixed-stress split converges.
@@ -190,8 +189,8 @@ class SolidColumn(_Held):
         self._time += step
 
 
-class OutflowColumn(_Held):
-    """The inverse fluid: the rate of the cells' volumes that a pressure drives, rate = -A p."""
+class OutflowColumn(_ColumnPart):
+    """The inverse fluid: the rate of the cells' volumes from the pressure, rate = -A p."""
 
     takes = (PORE_PRESSURE,)
     gives = (VOLUME_RATE,)
@@ -206,8 +205,8 @@ class OutflowColumn(_Held):
         self._time += step
 
 
-class SqueezedColumn(_Held):
-    """The inverse solid: the pressure that is left of the total stress at a rate of the volumes."""
+class SqueezedColumn(_ColumnPart):
+    """The inverse solid: the pressure from the rate of the volumes, total less effective stress."""
 
     takes = (VOLUME_RATE,)
     gives = (PORE_PRESSURE, THICKNESS)
@@ -218,7 +217,7 @@ class SqueezedColumn(_Held):
         self._fields[PORE_PRESSURE] = np.full(column.cell_count, column.load)
 
     def advance(self, step: float) -> None:
-        """Change the volumes and read the effective stress off the law."""
+        """Change the volumes, and evaluate the effective stress by the law."""
         column = self.column
         thickness = self._fields[THICKNESS] + step * self._fields[VOLUME_RATE]
         compression = 1.0 - thickness / column.cell
@@ -289,7 +288,7 @@ def settlement_share(system: CoupledSystem, column: Column) -> float:
 def _compression(column: Column, effective: Values) -> tuple[Values, Values]:
     """Return the compression under an effective stress and its derivative [1/Pa]."""
     b, modulus = column.hardening, column.modulus
-    # A pressure above the load pulls; there the law goes on linearly.
+    # a pressure above the load pulls: there the law is linear
     grown = 1.0 + b * np.maximum(effective, 0.0) / modulus
     pressed = np.log(grown) / b if b else effective / modulus
     return np.where(effective > 0.0, pressed, effective / modulus), 1.0 / (modulus * grown)
@@ -300,6 +299,6 @@ def _effective_stress(column: Column, compression: Values) -> Values:
     b, modulus = column.hardening, column.modulus
     if b == 0.0:
         return modulus * compression
-    with np.errstate(over="ignore"):  # the system refuses what is no number
+    with np.errstate(over="ignore"):  # the system refuses infinite values
         pressed = modulus / b * np.expm1(b * compression)
     return np.where(compression > 0.0, pressed, modulus * compression)

@@ -15,7 +15,7 @@ from lcmchain.fields.netcdf_file import write_netcdf
 if TYPE_CHECKING:
     import xarray as xr
 
-#: What became of a window's attempt.
+#: Outcomes of an attempt at a window.
 CONVERGED, EXPLICIT, ACCEPTED, FAILED, REJECTED = 0, 1, 2, 3, 4
 STANDING = (CONVERGED, EXPLICIT, ACCEPTED)
 OUTCOMES = {
@@ -84,11 +84,11 @@ class History:
         total = sum(window.iterations for window in self.windows)
         return total / windows if windows else math.nan
 
-    def save(self) -> Any:
+    def save(self) -> tuple[list[IterationRecord], list[WindowRecord]]:
         """Return a copy; records never change."""
         return list(self.iterations), list(self.windows)
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[list[IterationRecord], list[WindowRecord]]) -> None:
         """Return to a saved history."""
         iterations, windows = saved
         self.iterations, self.windows = list(iterations), list(windows)
@@ -96,14 +96,15 @@ class History:
     def dataset(self) -> xr.Dataset:
         """Return the history as a dataset with the dimensions iteration, window and exchange.
 
-        ``attempt`` of the dimension ``window`` are all attempts in their order; those that were
-        undone have the outcome failed or rejected.
+        The dimension ``window`` counts all attempts in their order; those that were undone have the
+        outcome failed or rejected.
         """
         import xarray as xr
 
-        def row(values: Sequence[Any], kind: str, words: str, units: str = "1") -> Any:
-            attributes = {"long_name": words, "units": units}
-            return np.array(values, dtype=kind), attributes
+        def row(
+            values: Sequence[float], dtype: str, long_name: str, units: str = "1"
+        ) -> tuple[np.ndarray, dict[str, str]]:
+            return np.array(values, dtype=dtype), {"long_name": long_name, "units": units}
 
         steps, attempts = self.iterations, self.windows
         per_iteration = {

@@ -1,4 +1,4 @@
-"""What coupled parts offer each other: a protocol, the exchange of fields, and their failures."""
+"""The interface of coupled parts: their protocol, the exchange of fields, and failures."""
 
 from __future__ import annotations
 
@@ -22,32 +22,34 @@ PORE_PRESSURE = "pore_pressure"  # [Pa] per cell
 THICKNESS = "thickness"  # [m] per cell
 THICKNESS_RATE = "thickness_rate"  # [m/s] per cell
 VOLUME_RATE = "volume_rate"  # [m3/s] per cell
-# For the fixed-stress split: the pressure at which a solid has found its rate, and the derivative
+# For the fixed-stress split: the pressure at which the solid computed its rate, and the derivative
 # of that rate by the pressure. The fluid takes rate + slope (p - reference pressure) as its source.
 REFERENCE_PRESSURE = "reference_pressure"  # [Pa] per cell
 VOLUME_RATE_SLOPE = "volume_rate_slope"  # [m3/(s Pa)] per cell
 THICKNESS_RATE_SLOPE = "thickness_rate_slope"  # [m/(s Pa)] per cell
-# For a solid that moves on in steps of its own: within a window the pore pressure falls with the
-# rate of the volume by the solid's resistance, as a fluid answers that must flow off. The fluid
-# gives the pressure at rest, p + resistance * rate, as it has found both.
+# For a solid with time steps of its own: within a window the pore pressure falls with the rate of
+# the volume, p = pressure at rest - resistance * rate, because the fluid has to flow off. The fluid
+# gives the pressure at rest from the pressure and the rate at the end of the window.
 VOLUME = "volume"  # [m3] per cell, at the end of the step
 RESISTANCE = "pore_resistance"  # [Pa s/m3] per cell
 PRESSURE_AT_REST = "pressure_at_rest"  # [Pa] per cell
+# Nodes of the mid-surface.
+POINTS = "points"  # [m] (3 N,), x y z of one node after the other
 
 
 class Jumps(Protocol):
-    """What goes between parts beside the exchanges and changes in jumps: iterated until it stays.
+    """Values between parts that change in jumps, besides the exchanges of fields.
 
-    A window is repeated with what the parts have found, until they find what they were given.
+    A window is repeated with the new values until it does not change them any more.
     """
 
     most_iterations: int
 
     def begin(self) -> None:
-        """Give what there was at the begin of the window: it is gone through anew."""
+        """Go back to the values at the begin of the window."""
 
     def follow(self) -> list[str]:
-        """Give what the parts have found from now on; return in words what that changes."""
+        """Take the present values of the parts; return in words what that changes."""
 
 
 @runtime_checkable
@@ -63,14 +65,14 @@ class CoupledPart(Protocol):
         """Return the present time [s]."""
 
     def advance(self, step: float) -> None:
-        """Go on by ``step`` [s], any number of own steps; inputs are held over it.
+        """Go on by ``step`` [s], in any number of time steps of its own, with constant inputs.
 
-        A part that solves implicitly takes the inputs as the values at the end of the step.
+        To a part that solves implicitly the inputs are the values at the end of the step.
 
         Raises
         ------
-        SimulationError : (a :class:`PartFailed` names time and inputs) the step cannot be done. The
-            system restores the part and may try a shorter one.
+        SimulationError : the step failed; a :class:`PartFailed` names time and inputs. The system
+            restores the part and may try a shorter step.
         """
 
     def save(self) -> Any:
@@ -80,7 +82,7 @@ class CoupledPart(Protocol):
         """Return to a saved state, any number of times; going on from it is bit-identical."""
 
     def set_fields(self, fields: Mapping[str, Values]) -> None:
-        """Take inputs by name; they hold until they are set again. The part copies what it keeps.
+        """Set inputs by name; they hold until they are set again. The part copies the arrays.
 
         Raises
         ------
@@ -88,7 +90,7 @@ class CoupledPart(Protocol):
         """
 
     def get_fields(self, names: Sequence[str]) -> Fields:
-        """Return outputs by name at the present time; a rate is its mean over the last step.
+        """Return present outputs by name; a rate is the mean over the last step.
 
         Raises
         ------
@@ -98,21 +100,21 @@ class CoupledPart(Protocol):
 
 @runtime_checkable
 class HasPlaces(Protocol):
-    """A part that knows where the values of its fields lie, for messages."""
+    """A part that knows the positions of the values of its fields, for messages."""
 
     def places(self, name: str) -> Values | None:
         """Return the positions (n, 3) [m] of a field's values, None where there are none."""
 
 
 class PartFailed(SimulationError):
-    """A part that could not do its step; names the part, the time, the step and its inputs.
+    """A part could not do its step; names the part, the time, the step and its inputs.
 
     Parameters
     ----------
     reason : what happened, in words.
     part : name of the part; a system fills it in.
-    time, step : where the step began and how long it was [s].
-    inputs : last inputs by name; their ranges are written into the message.
+    time, step : begin and size of the step [s].
+    inputs : last inputs by name; the message has their ranges.
     """
 
     def __init__(
@@ -140,17 +142,17 @@ class PartFailed(SimulationError):
 class Tolerance:
     """When a field counts as converged.
 
-    The residual is what an iteration changes, measured by ``norm``: the root mean square over the
-    values, or the largest. ``relative`` and ``increment`` must hold, those that are given;
-    ``absolute`` and ``floor`` are floors: a residual below one of them suffices.
+    The residual is the change of the field in an iteration, by ``norm``: the root mean square over
+    the values, or the largest. It must be below ``relative`` and ``increment``, as far as they are
+    given. A residual below ``absolute`` or ``floor`` suffices in any case.
 
     Parameters
     ----------
-    relative : residual over the field.
-    increment : residual over the field's change since the beginning of the window.
-    absolute : residual, in the unit of the field.
-    floor : residual over the largest size that the field has had: a field that fades is not
-        followed into its round-off.
+    relative : limit of the residual, relative to the field.
+    increment : limit relative to the change of the field since the begin of the window.
+    absolute : limit in the unit of the field.
+    floor : limit relative to the largest size that the field has had, so that a field that fades
+        need not converge in its round-off.
     """
 
     relative: float | None = 1e-6
@@ -160,20 +162,27 @@ class Tolerance:
     norm: Literal["rms", "largest"] = "rms"
 
     def __post_init__(self) -> None:
-        given = {"relative": self.relative, "increment": self.increment, "absolute": self.absolute}
-        if all(value is None for value in given.values()):
+        limits = {"relative": self.relative, "increment": self.increment, "absolute": self.absolute}
+        if all(limit is None for limit in limits.values()):
             raise InputError("a tolerance needs a relative, an increment or an absolute part")
-        for name, value in given.items():
-            if value is not None and not (0.0 < value < math.inf):
-                raise InputError(f"the {name} tolerance must be positive, not {value:g}")
+        for name, limit in limits.items():
+            if limit is not None and not (0.0 < limit < math.inf):
+                raise InputError(f"the {name} tolerance must be positive, not {limit:g}")
         if not (0.0 <= self.floor < 1.0):
             raise InputError(f"the floor of a tolerance must lie in 0..1, not {self.floor:g}")
         if self.norm not in ("rms", "largest"):
             raise InputError('the norm of a tolerance must be "rms" or "largest"')
 
 
+class MappingMatrix(Protocol):
+    """A matrix (n_target, n_source), dense or sparse."""
+
+    def __matmul__(self, values: Values, /) -> Values:
+        """Return the values (n_target,) on the target's mesh."""
+
+
 #: An operator between the meshes of two parts: a matrix (n_target, n_source) or a function.
-FieldMapping = Any
+FieldMapping = MappingMatrix | Callable[[Values], Values]
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,31 +193,31 @@ class Exchange:
     ----------
     source, target : names of the parts in the system.
     field : its name as an output of the source.
-    target_field : its name as an input of the target; the same without.
+    target_field : its name as an input of the target; by default the same.
     mapping : from the source's mesh to the target's: a matrix (n_target, n_source), dense or
         sparse, or a function of the values; None where both have the same cells.
-    tolerance : when it counts as converged; None where it is passed on unjudged.
-    judged : an ``unknown`` of the iteration only, by what the parts answer to it; or ``always``:
-        in a serial scheme then also the fields that lead forward, by what the last iteration
-        changed. They follow from the unknowns, so that judging them costs one iteration more.
+    tolerance : when it counts as converged; None where it need not converge.
+    judged : ``unknown``: only as an unknown of the iteration, by the answer to it. ``always``: in a
+        serial scheme also where it leads forward, by its change in the last iteration. Such fields
+        follow from the unknowns, so that this costs one iteration more.
     scale : size of the field in its unit, which weighs it against others in a quasi-Newton
         scheme; None takes the largest size so far.
     relaxation : factor 0..1 on top of the scheme's own relaxation, for this field.
     bounds : (least, largest) value that the iteration may try, in the unit of the field: a pressure
-        is not below the vent's, for example. What the source answers is not touched.
+        not below the vent's, for example. Answers of the source are not limited.
     iterated : False for a field that only accompanies another one (a slope, a reference) and is
         no unknown; it must lead forward in a serial scheme.
     of_window : what the target gets of the source's sub-steps: the ``end`` value, or the ``mean``,
         which conserves a rate.
-    within : the target's sub-steps see it ``linear`` in time between the windows' ends, or ``held``
-        at its new value.
+    within : in the target's sub-steps ``linear`` in time between the ends of windows, or ``held``
+        at the new value.
     """
 
     source: str
     target: str
     field: str
     target_field: str = ""
-    mapping: FieldMapping = None
+    mapping: FieldMapping | None = None
     tolerance: Tolerance | None = Tolerance()
     judged: Literal["unknown", "always"] = "unknown"
     scale: float | None = None
@@ -250,13 +259,13 @@ class Exchange:
         """Return the source's values on the target's mesh, always a new array."""
         if self.mapping is None:
             return np.array(values, dtype=np.float64)
-        apply: Callable[[Any], Any] | None = self.mapping if callable(self.mapping) else None
-        carried = self.mapping @ values if apply is None else apply(values)
-        return np.array(carried, dtype=np.float64)
+        mapping = self.mapping
+        mapped = mapping(values) if callable(mapping) else mapping @ values
+        return np.array(mapped, dtype=np.float64)
 
 
 def fixed_stress_exchanges(
-    solid: str, fluid: str, *, rate: str = VOLUME_RATE, mapping: FieldMapping = None
+    solid: str, fluid: str, *, rate: str = VOLUME_RATE, mapping: FieldMapping | None = None
 ) -> list[Exchange]:
     """Return the two exchanges that turn a serial solid-fluid coupling into the fixed-stress split.
 
@@ -289,7 +298,7 @@ def _range_text(values: Values) -> str:
 class Port:
     """An input or output of a part that the system offers under a name of its own.
 
-    ``of_step``: an output is the value at the ``end`` of the system's step or its ``mean``.
+    of_step : an output is the value at the ``end`` of the system's step or the ``mean`` over it.
     """
 
     part: str
@@ -298,11 +307,11 @@ class Port:
 
 
 def find_port(name: str, ports: Mapping[str, Port], parts: Collection[str], kind: str) -> Port:
-    """Return the port of that name; ``"part.field"`` names a field of a part directly.
+    """Return the port with this name; ``"part.field"`` names a field of a part directly.
 
     Raises
     ------
-    InputError : there is none; names those that there are.
+    InputError : there is none; lists the known ones.
     """
     if name in ports:
         return ports[name]
@@ -311,3 +320,35 @@ def find_port(name: str, ports: Mapping[str, Port], parts: Collection[str], kind
         return Port(part, field)
     known = ", ".join([*ports, *(f"{part}.<field>" for part in parts)])
     raise InputError(f'the coupled system has no {kind} "{name}"; there are {known}')
+
+
+# --- checks of fields -----------------------------------------------------------------------------
+
+
+def checked_field(name: str, values: np.ndarray, count: int) -> np.ndarray:
+    """Return a copy of the values of a field (count,), one per cell.
+
+    Raises
+    ------
+    InputError : a wrong number of values, or a value that is no number; names the cell.
+    """
+    values = np.array(values, dtype=float)
+    if values.shape != (count,):
+        raise InputError(f"{name} has the shape {values.shape}; there are {count} cells")
+    if not np.isfinite(values).all():
+        cell = int(np.flatnonzero(~np.isfinite(values))[0])
+        raise InputError(f"{name} is {values[cell]} in cell {cell}")
+    return values
+
+
+def selected_fields(names: Sequence[str], outputs: Fields) -> Fields:
+    """Return copies of the outputs with these names.
+
+    Raises
+    ------
+    InputError : a name that is no output.
+    """
+    unknown = [name for name in names if name not in outputs]
+    if unknown:
+        raise InputError(f'"{unknown[0]}" is no output; there are {", ".join(outputs)}')
+    return {name: outputs[name].copy() for name in names}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
@@ -13,6 +13,7 @@ from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, 
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
 #: Residuals of more iterations than these are drawn without markers.
 FEW_ITERATIONS = 200
@@ -23,7 +24,7 @@ def draw_history(path: Path | str, history: xr.Dataset, title: str = "") -> None
 
     Raises
     ------
-    InputError : the place cannot be written.
+    InputError : the file cannot be written.
     """
     with matplotlib.rc_context(RC):
         figure = new_figure(7.2, 6.0)
@@ -42,7 +43,7 @@ def draw_history(path: Path | str, history: xr.Dataset, title: str = "") -> None
         save(figure, path)
 
 
-def _draw_residuals(axis: Any, history: xr.Dataset) -> None:
+def _draw_residuals(axis: Axes, history: xr.Dataset) -> None:
     """Residual over its limit for every exchange that is judged; below 1 it has converged."""
     count = history.sizes["iteration"]
     number = np.arange(1, count + 1)
@@ -70,7 +71,7 @@ def _draw_residuals(axis: Any, history: xr.Dataset) -> None:
                   ha="center", color=FAINT)  # fmt: skip
 
 
-def _draw_windows(counts: Any, sizes: Any, history: xr.Dataset) -> None:
+def _draw_windows(counts: Axes, sizes: Axes, history: xr.Dataset) -> None:
     """Iterations and size of every attempt over the time at which it begins."""
     begin = history["window_begin"].values
     outcome = history["window_outcome"].values
@@ -98,7 +99,7 @@ def _draw_windows(counts: Any, sizes: Any, history: xr.Dataset) -> None:
 
 
 def _of_a_decade(values: np.ndarray) -> tuple[float, float]:
-    """Return limits with a whole decade at least: windows of one size differ by rounding only."""
+    """Return limits at least a decade apart, so that equal windows do not show their rounding."""
     positive = values[values > 0.0]
     least, most = float(positive.min()), float(positive.max())
     margin = max(1.3, np.sqrt(10.0 * least / most))

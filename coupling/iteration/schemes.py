@@ -1,7 +1,7 @@
 """Coupling schemes: in which order parts advance, and how their inputs are corrected.
 
-An :class:`Acceleration` finds the next inputs from the last ones and the answers to them: by
-relaxation, constant or after Aitken, or by an interface quasi-Newton method, which takes the
+An :class:`Acceleration` computes the next inputs from the last ones and the answers to them: by
+relaxation, constant or after Aitken, or by an interface quasi-Newton method, which estimates the
 inverse Jacobian from differences of residuals (IQN-ILS, IQN-MVJ).
 """
 
@@ -26,9 +26,9 @@ class Scheme:
     Parameters
     ----------
     name : for histories and messages.
-    order : ``serial``: each part sees what those before it have just found (Gauss-Seidel);
-        ``parallel``: all see what was there before (Jacobi).
-    acceleration : None: explicit, every window is gone through once.
+    order : ``serial``: a part sees the new answers of the parts before it (Gauss-Seidel);
+        ``parallel``: all see the answers of the last iteration (Jacobi).
+    acceleration : how the inputs are corrected; None: explicit, one evaluation per window.
     most_iterations : a window that needs more has not converged.
     """
 
@@ -104,34 +104,34 @@ Vector = NDArray[np.float64]
 
 
 class Acceleration(Protocol):
-    """How the next inputs follow from the last ones, x, and what the parts answered to them, H(x).
+    """Computes the next inputs from the last ones, x, and the answers of the parts to them, H(x).
 
-    All unknown fields lie in one vector; ``weights`` (n,) bring them to one size: a norm is
-    ``|weights * v|``. An object belongs to one system and keeps its memory.
+    One vector (n,) holds all unknown fields. ``weights`` (n,) bring them to one size: a norm is
+    ``|weights * v|``. An object belongs to one system and has a memory of its own kind.
     """
 
     @property
     def factor(self) -> float:
-        """Return the relaxation factor last used, not-a-number where there was none."""
+        """Return the last relaxation factor, not-a-number where there was none."""
 
     @property
     def rank(self) -> int:
-        """Return the number of columns last used, 0 for a relaxation."""
+        """Return the number of columns of the last step, 0 for a relaxation."""
 
     def begin_window(self) -> None:
         """Begin a window of time."""
 
     def propose(self, x: Vector, answer: Vector, weights: Vector) -> Vector:
-        """Return the next x from one that did not converge."""
+        """Return the next x (n,) after one that did not converge."""
 
     def end_window(self, x: Vector, answer: Vector) -> None:
         """End a window with the pair that converged."""
 
     def drop_window(self) -> None:
-        """Forget what was learnt since the window began; it failed."""
+        """Forget what was learnt since the window began, because it failed."""
 
     def forget(self) -> None:
-        """Forget all earlier windows; the map has changed (another size of the window)."""
+        """Forget all earlier windows, because H has changed (another size of the window)."""
 
     def save(self) -> Any:
         """Return a copy of the memory."""
@@ -166,11 +166,10 @@ class ConstantRelaxation:
     def forget(self) -> None:
         """Nothing is kept."""
 
-    def save(self) -> Any:
+    def save(self) -> None:
         """Nothing is kept."""
-        return None
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: None) -> None:
         """Nothing is kept."""
 
 
@@ -205,7 +204,7 @@ class AitkenRelaxation:
             factor = self.factor
             if square > 0.0:
                 factor *= -float(np.sum(weights * self._residual * change)) / square
-        # A factor of zero would stop the iteration where it stands.
+        # with a factor of zero the iteration would never move again
         self.factor = factor if factor != 0.0 else self.initial
         self._residual = residual
         return x + self.factor * residual
@@ -224,12 +223,12 @@ class AitkenRelaxation:
         """Begin the next window with the initial factor."""
         self._last = self.initial
 
-    def save(self) -> Any:
+    def save(self) -> tuple[float, float, Vector | None]:
         """Return a copy of the memory."""
         kept = None if self._residual is None else self._residual.copy()
         return self._last, self.factor, kept
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[float, float, Vector | None]) -> None:
         """Return to a saved memory."""
         self._last, self.factor, kept = saved
         self._residual = None if kept is None else kept.copy()
@@ -246,23 +245,23 @@ def _require_factor(factor: float) -> None:
 Columns = list[tuple[Vector, Vector]]  # (change of the residual, change of the answer)
 
 
-#: Rows that are factorised at a time. The same for every number of threads, so that results are.
+#: Rows that are factorised at a time: fixed, so that results do not depend on the threads.
 BLOCK = 2048
 
 
 def triangular_factor(vectors: list[Vector], weights: Vector) -> NDArray[np.float64]:
-    """Return R (min(n, m), m) of the QR factorisation of the weighted vectors, m of them, (n,).
+    """Return R (min(n, m), m) of the QR factorisation of m weighted vectors (n,).
 
-    By blocks of rows, whose factors are factorised once more: fast for long vectors, and what the
-    linear algebra library does with its threads does not change the order of the sums.
+    Blocks of rows are factorised, then their factors. This is fast for long vectors, and the order
+    of the sums does not depend on the threads of the linear algebra library.
     """
-    parts: list[NDArray[np.float64]] = []
+    blocks: list[NDArray[np.float64]] = []
     for at in range(0, weights.size, BLOCK):
         rows = np.stack([vector[at : at + BLOCK] for vector in vectors], axis=1)
-        parts.append(_factor(rows * weights[at : at + BLOCK, None]))
-    while len(parts) > 1:
-        parts = [_factor(np.concatenate(parts[at : at + 8])) for at in range(0, len(parts), 8)]
-    return parts[0]
+        blocks.append(_factor(rows * weights[at : at + BLOCK, None]))
+    while len(blocks) > 1:
+        blocks = [_factor(np.concatenate(blocks[at : at + 8])) for at in range(0, len(blocks), 8)]
+    return blocks[0]
 
 
 def _factor(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -270,11 +269,11 @@ def _factor(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def filtered_qr(columns: list[Vector], limit: float) -> tuple[Vector, Vector, list[int]]:
-    """Return Q (n, m), R (m, m) and the numbers of the columns that are kept, in their order.
+    """Return Q (n, m), R (m, m) and the numbers (m,) of the columns that are kept, in their order.
 
-    A column of which less than ``limit`` of its length is new beside those before it is left out
-    (the filter QR2 of Haelterman, Bogaers, Scheufele, Uekermann, Mehl 2016). Orthogonalised twice
-    by Gram-Schmidt, which is enough for round-off.
+    A column (n,) is left out if the part of it that is orthogonal to the columns before it has
+    less than ``limit`` times its length (filter QR2 of Haelterman, Bogaers, Scheufele, Uekermann,
+    Mehl 2016). Gram-Schmidt runs twice, which is enough against round-off.
     """
     size = columns[0].size if columns else 0
     basis = np.empty((size, len(columns)))
@@ -305,15 +304,15 @@ def filtered_qr(columns: list[Vector], limit: float) -> tuple[Vector, Vector, li
 class QuasiNewton:
     """IQN-ILS: least squares over differences of the residuals (Degroote, Bathe, Vierendeels 2009).
 
-    With V the differences of the residuals r = H(x) - x and W those of H(x), the next input is
-    H(x) + W c, where c minimises |V c + r|. Newest columns come first, so the filter gives up
-    the oldest. Where there are no columns yet the step is a relaxation.
+    The columns of V are differences of the residuals r = H(x) - x, those of W differences of H(x).
+    The next input is H(x) + W c, where c minimises |V c + r|. The newest columns come first, so
+    that the filter drops the oldest. A step without columns is a relaxation.
 
     Parameters
     ----------
     relaxation : factor of the step without columns.
-    windows_reused : how many earlier windows give their columns too.
-    most_columns : the oldest beyond are dropped.
+    windows_reused : number of earlier windows whose columns are used as well.
+    most_columns : the oldest columns beyond this number are dropped.
     filter_limit : see :func:`filtered_qr`.
     """
 
@@ -344,7 +343,7 @@ class QuasiNewton:
         self._learn(x, answer)
         residual = answer - x
         columns = self._columns()
-        # Angles between the columns are those between the columns of their triangular factor.
+        # the columns of the triangular factor have the same angles as the columns themselves
         short = triangular_factor([*(v for v, _ in columns), residual], weights).T
         basis, triangle, kept = filtered_qr(list(short[:-1]), self.filter_limit)
         self.rank = len(kept)
@@ -401,15 +400,15 @@ class QuasiNewton:
 
 @dataclass
 class MultiVectorQuasiNewton(QuasiNewton):
-    """IQN-MVJ: earlier windows live on in a full matrix (Bogaers, Kok, Reddy, Franz 2014).
+    """IQN-MVJ: a full matrix holds what earlier windows taught (Bogaers, Kok, Reddy, Franz 2014).
 
-    The inverse Jacobian J of the last window is changed as little as the present columns ask for:
-    the next input is H(x) - J r + (W - J V) c. No number of windows must be chosen; the matrix
-    takes n^2 numbers, so it is for small interfaces.
+    The inverse Jacobian J of the last window changes as little as the present columns require: the
+    next input is H(x) - J r + (W - J V) c. No number of windows has to be chosen. The matrix takes
+    n^2 numbers, so it is for small interfaces.
 
     Parameters
     ----------
-    most_unknowns : InputError where the fields have more values together.
+    most_unknowns : most values of all fields together; more are an InputError.
     """
 
     windows_reused: int = 0

@@ -1,4 +1,4 @@
-"""One evaluation of all parts over a window: inputs in, answers out."""
+"""One evaluation of all parts over a window: from inputs to answers."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from lcmchain.errors import InputError, SimulationError
 class Sweep:
     """Parts and exchanges in their order; knows which exchanges are unknowns of an iteration.
 
-    In a serial order those are the exchanges that lead back (to the part itself or one before it),
-    in a parallel order all.
+    In a serial order these are the exchanges that lead back, to the part itself or one before it.
+    In a parallel order these are all exchanges.
 
     Parameters
     ----------
     parts : by name, in the order in which they advance.
     exchanges : see :class:`Exchange`.
     order : ``serial`` or ``parallel``.
-    substeps : per part.
-    watched : further (part, field) of which the mean over the window is kept.
+    substeps : number of steps of a part in a window, by name; 1 where it is missing.
+    watched : further (part, field) whose mean over the window is kept.
     """
 
     def __init__(
@@ -45,11 +45,11 @@ class Sweep:
     ) -> None:
         self.parts, self.exchanges, self.substeps = parts, exchanges, substeps
         self._check()
-        place = {name: number for number, name in enumerate(parts)}
+        turn = {name: number for number, name in enumerate(parts)}
         self._forward = frozenset(
             i
             for i, exchange in enumerate(exchanges)
-            if order == "serial" and place[exchange.source] < place[exchange.target]
+            if order == "serial" and turn[exchange.source] < turn[exchange.target]
         )
         self.unknown = tuple(i for i in range(len(exchanges)) if i not in self._forward)
         self.targets = {(exchange.target, exchange.input) for exchange in exchanges}
@@ -65,13 +65,13 @@ class Sweep:
         self.means: Fields = {}
 
     def tolerance(self, number: int) -> Tolerance | None:
-        """Return by what an exchange is judged in this order, None where it is not."""
+        """Return the tolerance of an exchange in this order, None where it need not converge."""
         exchange = self.exchanges[number]
         judged = number in self.unknown or exchange.judged == "always"
         return exchange.tolerance if judged else None
 
     def present(self) -> list[Values]:
-        """Return what the parts offer now, on the targets' meshes."""
+        """Return the present fields of all exchanges on the targets' meshes."""
         return [
             self._answer(exchange, self._get(exchange.source, [exchange.field])[exchange.field])
             for exchange in self.exchanges
@@ -83,11 +83,11 @@ class Sweep:
         Parameters
         ----------
         begin : the fields at the begin of the window.
-        inputs : their values at its end, where a part does not see a new answer.
+        inputs : the fields at its end, for parts that do not see a new answer.
 
         Raises
         ------
-        SimulationError : a part failed, or answered with what is no number.
+        SimulationError : a part failed, or a value of its answer is no number.
         """
         given, answers = list(inputs), list(inputs)
         for name in self.parts:
@@ -113,7 +113,7 @@ class Sweep:
             part.restore(saved[name])
 
     def places(self, part: str, field: str) -> Values | None:
-        """Return where the values of a part's field lie, None where it does not say."""
+        """Return the positions (n, 3) [m] of a field's values, None where the part has none."""
         owner = self.parts[part]
         return owner.places(field) if isinstance(owner, HasPlaces) else None
 
@@ -122,16 +122,17 @@ class Sweep:
     ) -> tuple[Fields, Fields]:
         """Advance one part in its sub-steps; return its fields at the end and their means."""
         part, count = self.parts[name], self.substeps.get(name, 1)
-        into = [i for i, exchange in enumerate(self.exchanges) if exchange.target == name]
-        outof = [exchange for exchange in self.exchanges if exchange.source == name]
-        wanted = list(dict.fromkeys(exchange.field for exchange in outof))
-        averaged = [exchange.field for exchange in outof if exchange.of_window == "mean"]
+        incoming = [i for i, exchange in enumerate(self.exchanges) if exchange.target == name]
+        outgoing = [exchange for exchange in self.exchanges if exchange.source == name]
+        outputs = list(dict.fromkeys(exchange.field for exchange in outgoing))
+        averaged = [exchange.field for exchange in outgoing if exchange.of_window == "mean"]
         averaged += [field for owner, field in self._watched if owner == name]
-        sums: dict[str, Any] = {}
+        sums: Fields = {}
         start = part.time
         for number in range(1, count + 1):
             inputs = {
-                self.exchanges[i].input: self._within(i, number / count, begin, given) for i in into
+                self.exchanges[i].input: self._within(i, number / count, begin, given)
+                for i in incoming
             }
             step = (end - part.time) / (count - number + 1)
             self._step(name, inputs, step)
@@ -139,7 +140,7 @@ class Sweep:
                 sums[field] = sums.get(field, 0.0) + values * step
         if not math.isclose(part.time, end, rel_tol=1e-9, abs_tol=1e-9 * (end - start)):
             raise PartFailed(f"it stands at {part.time!r} s instead of {end!r} s", part=name)
-        return self._get(name, wanted), {key: sums[key] / (end - start) for key in sums}
+        return self._get(name, outputs), {key: sums[key] / (end - start) for key in sums}
 
     def _within(
         self, number: int, fraction: float, begin: list[Values], given: list[Values]
@@ -198,10 +199,10 @@ class Sweep:
                 if name not in self.parts:
                     known = ", ".join(self.parts)
                     raise InputError(f'{exchange.name}: there is no part "{name}", only {known}')
-            place = (exchange.target, exchange.input)
-            if place in seen:
+            target = (exchange.target, exchange.input)
+            if target in seen:
                 raise InputError(f'two exchanges set "{exchange.input}" of "{exchange.target}"')
-            seen.add(place)
+            seen.add(target)
         for name, count in self.substeps.items():
             if name not in self.parts:
                 raise InputError(f'substeps: there is no part "{name}"')

@@ -1,7 +1,8 @@
-"""A system of coupled parts: goes through windows of time until all exchanged fields agree.
+"""A system of coupled parts that advances in windows of time.
 
-The size of the windows is constant, or led by iterations, failures and coupling residual. The first
-guess in a window is extrapolated from the last ones.
+In every window the parts are evaluated until all exchanged fields agree. The size of the windows is
+constant, or follows iterations, failures and the coupling residual. The first guess in a window is
+extrapolated from the last ones.
 """
 
 from __future__ import annotations
@@ -52,15 +53,15 @@ class CoupledSystem:
     Parameters
     ----------
     parts : by name; a serial scheme advances them in this order.
-    exchanges : all fields that go from one to another.
+    exchanges : all fields that go from one part to another.
     scheme : from :mod:`lcmchain.coupling.iteration.schemes`; belongs to this system.
-    window : size of the windows [s], or how it is led.
-    substeps : into how many steps a part divides a window, 1 where it is not named.
-    prediction : order 0..2 of the extrapolation into a new window; one that fails is repeated
-        without.
+    window : size of the windows [s], or its control.
+    substeps : number of steps of a part in a window, by name; 1 where it is missing.
+    prediction : order 0..2 of the extrapolation into a new window. A window that fails is repeated
+        without extrapolation.
     on_failure : ``stop``, or ``go_on`` with a window that did not converge at its smallest size;
         the history records it.
-    jumps : what goes between parts beside the exchanges and is iterated until it stays.
+    jumps : values between parts that change in jumps, besides the exchanges.
     inputs, outputs : fields that the system offers as a part; ``"part.field"`` always works.
 
     Raises
@@ -111,13 +112,13 @@ class CoupledSystem:
         self._iteration = Iteration(self._sweep, scheme, self.history)
         self._window_number = 0
         self._jumps = jumps
-        # An explicit scheme with constant windows takes parts that cannot save their state.
+        # an explicit scheme with constant windows takes parts that cannot save their state
         self._can_return = not scheme.explicit or control.least < control.size or jumps is not None
         self._means: Fields = {}  # of the outputs that are means over the system's step
         times = {name: part.time for name, part in self.parts.items()}
         if len(set(times.values())) > 1:
-            told = ", ".join(f"{name} {time:g} s" for name, time in times.items())
-            raise InputError(f"the parts do not begin at the same time: {told}")
+            begins = ", ".join(f"{name} {time:g} s" for name, time in times.items())
+            raise InputError(f"the parts do not begin at the same time: {begins}")
         self._time = next(iter(times.values()))
 
     # --- as a part --------------------------------------------------------------------------------
@@ -132,9 +133,9 @@ class CoupledSystem:
 
         Raises
         ------
-        NotConverged : a window did not converge; names exchange, value and place. The system then
-            stands at the begin of that window.
-        SimulationError : a part failed at the smallest window; the system stands as above.
+        NotConverged : a window did not converge; names exchange, value and place. The system is
+            then at the begin of that window.
+        SimulationError : a part failed at the smallest window; the system is at its begin likewise.
         """
         if not (step > 0.0 and math.isfinite(step)):
             raise InputError(f"a step must be positive, not {step:g} s")
@@ -143,10 +144,10 @@ class CoupledSystem:
     def advance_to(
         self, end: float, on_window: Callable[[CoupledSystem], None] | None = None
     ) -> None:
-        """Go on until ``end`` [s]; ``on_window`` is called after every window that stands.
+        """Go on until ``end`` [s]; ``on_window`` is called after every accepted window.
 
-        There the system may be saved: restored, and advanced to the same end, it goes on
-        bit-identically. What ``on_window`` raises ends the run between two windows.
+        ``on_window`` may save the system: restored and advanced to the same end, it goes on
+        bit-identically. An exception of ``on_window`` ends the run between two windows.
 
         Raises
         ------
@@ -167,9 +168,9 @@ class CoupledSystem:
         self._means = {name: total / (end - begin) for name, total in sums.items()}
 
     def go_on_from(self, time: float) -> None:
-        """Go on from a time [s] to which all parts have come in another way.
+        """Go on from a time [s] that all parts have reached by other means.
 
-        What windows before have taught holds no longer.
+        The scheme forgets what it has learnt in earlier windows.
         """
         self._time = float(time)
         self._predictor = Predictor(self._predictor.order)
@@ -190,23 +191,23 @@ class CoupledSystem:
 
     def get_fields(self, names: Sequence[str]) -> Fields:
         """Return outputs of parts: names of ports, or ``"part.field"``."""
-        found: Fields = {}
+        fields: Fields = {}
         for name in names:
             port = find_port(name, self.outputs, self.parts, "output")
             key = f"{port.part}.{port.field}"
             if port.of_step == "mean" and key in self._means:
-                found[name] = self._means[key].copy()
+                fields[name] = self._means[key].copy()
             else:
-                found[name] = self.parts[port.part].get_fields([port.field])[port.field]
-        return found
+                fields[name] = self.parts[port.part].get_fields([port.field])[port.field]
+        return fields
 
     def places(self, name: str) -> Values | None:
-        """Return the positions (n, 3) of a field's values where the part knows them."""
+        """Return the positions (n, 3) [m] of a field's values where the part knows them."""
         known = {**self.inputs, **self.outputs}
         port = find_port(name, known, self.parts, "field")
         return self._sweep.places(port.part, port.field)
 
-    def save(self) -> Any:
+    def save(self) -> dict[str, Any]:
         """Return a copy of the whole state: parts, memory of the scheme, windows, history."""
         return {
             "parts": self._sweep.save(),
@@ -218,7 +219,7 @@ class CoupledSystem:
             "time": (self._time, self._window_number),
         }
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: Mapping[str, Any]) -> None:
         """Return to a saved state; going on from it is bit-identical."""
         self._sweep.restore(saved["parts"])
         self._iteration.restore(saved["iteration"])
@@ -231,10 +232,10 @@ class CoupledSystem:
     # --- one window -------------------------------------------------------------------------------
 
     def _window(self, size: float, latest: float) -> float:
-        """Go through one window, shorter and shorter ones if it fails; return the size."""
+        """Compute one window, with smaller sizes as long as it fails; return the size [s]."""
         start, attempt = self._sweep.save() if self._can_return else {}, 0
         while True:
-            # The last window ends where it should, not a rounding error beside it.
+            # the last window ends exactly at the end, without a rounding error
             end = latest if size >= latest - self._time else self._time + size
             window = Window(
                 self._window_number,
@@ -246,7 +247,7 @@ class CoupledSystem:
                 start,
             )
             tried, error = self._settled(window)
-            # What was extrapolated over a jump may be what failed, so hold before halving.
+            # extrapolation over a jump may be the cause, so repeat without it before halving
             shorter = self._windows.shorter(size) if self._can_return else None
             extrapolated = attempt == 0 and self._predictor.extrapolates
             if error is not None and extrapolated and self._can_return:
@@ -258,7 +259,7 @@ class CoupledSystem:
                 return size
             try:
                 self._iteration.undo(window)
-            except SimulationError:  # what killed a part counts, not that it cannot go back then
+            except SimulationError:  # report what ended a part, not that it cannot go back then
                 if error is None:
                     raise
                 raise error  # noqa: B904  # its cause is kept
@@ -270,7 +271,7 @@ class CoupledSystem:
             size, attempt = shorter, attempt + 1
 
     def _settled(self, window: Window) -> tuple[Attempt | None, SimulationError | None]:
-        """Go through a window, again and again until what changes in jumps stays; see _try."""
+        """Repeat a window until values that change in jumps stay; see :meth:`_try`."""
         jumps, earlier, passes = self._jumps, 0, 0
         if jumps is None:
             return self._try(window)
@@ -291,7 +292,7 @@ class CoupledSystem:
     def _try(
         self, window: Window, earlier: int = 0
     ) -> tuple[Attempt | None, SimulationError | None]:
-        """Go through a window; return what came of it (None: a part failed) and what is wrong."""
+        """Compute a window; return the attempt (None: a part failed) and the error, if any."""
         try:
             tried = self._iteration.attempt(window, earlier)
         except SimulationError as failure:
@@ -316,7 +317,7 @@ class CoupledSystem:
     def _outcome(
         self, tried: Attempt | None, error: SimulationError | None, can_shorten: bool
     ) -> int:
-        """Return what becomes of an attempt."""
+        """Return the outcome of an attempt, as the history records it."""
         if tried is not None and error is None:
             wanted = self._windows.control.residual
             if can_shorten and wanted is not None and tried.missed > 2.0 * wanted:
@@ -343,10 +344,10 @@ class CoupledSystem:
     ) -> None:
         if tried is not None:
             iterations, missed = tried.iterations, tried.missed
-        else:  # a part failed in the iteration after those noted
+        else:  # a part failed in the iteration after the recorded ones
             now = (window.number, window.attempt)
-            notes = self.history.iterations
-            iterations = 1 + sum((note.window, note.attempt) == now for note in notes)
+            records = self.history.iterations
+            iterations = 1 + sum((record.window, record.attempt) == now for record in records)
             missed = math.nan
         self.history.windows.append(
             WindowRecord(
@@ -367,21 +368,21 @@ class CoupledSystem:
 
 @dataclass(frozen=True)
 class WindowControl:
-    """How long a window is.
+    """Control of the size of windows.
 
     Parameters
     ----------
     size : of the first window [s].
-    smallest : a window that fails is halved and tried again down to this size; the same as
-        ``size`` (so never) where it is None.
-    largest : windows that converge easily grow up to this size; None: never beyond ``size``.
-    few_iterations : what "easily" means.
-    patience : windows in a row that must go easily before one grows.
+    smallest : least size of a window that is halved after a failure [s]; None: windows are not
+        halved.
+    largest : size up to which windows grow [s]; None: windows never grow beyond ``size``.
+    few_iterations : a window with at most so many iterations is an easy one.
+    patience : easy windows in a row before the size grows.
     grow : factor of growth.
-    residual : wanted size of the coupling residual: the part of a field that its prediction at the
-        beginning of the window missed, over the field. It estimates the error of an explicit
-        scheme, and the change of curvature in an implicit one. A window is repeated where it is
-        exceeded twofold, as long as ``smallest`` allows. None: not looked at.
+    residual : wanted coupling residual: difference between a field and its prediction, over the
+        field. It estimates the error of an explicit scheme, and the change of curvature in an
+        implicit one. A window with more than twice of it is repeated, as long as ``smallest``
+        allows. None: no control by the residual.
     """
 
     size: float
@@ -420,7 +421,7 @@ class WindowSize:
 
     control: WindowControl
     size: float = field(init=False)
-    calm: int = field(default=0, init=False)  # windows in a row that went easily
+    calm: int = field(default=0, init=False)  # easy windows in a row
 
     def __post_init__(self) -> None:
         self.size = self.control.size
@@ -446,17 +447,17 @@ class WindowSize:
         if self.calm >= control.patience:
             size, self.calm = size * control.grow, 0
         if control.residual is not None:
-            # What an extrapolation of this order misses grows with the power order + 1.
+            # the error of an extrapolation grows with the power order + 1 of the size
             ratio = control.residual / max(missed, 1e-300)
             fitting = used * 0.9 * ratio ** (1.0 / (order + 1))
             size = min(size, fitting) if fitting < self.size else size
         self.size = min(max(size, control.least), control.most)
 
-    def save(self) -> Any:
+    def save(self) -> tuple[float, int]:
         """Return a copy of the memory."""
         return self.size, self.calm
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[float, int]) -> None:
         """Return to a saved memory."""
         self.size, self.calm = saved
 
@@ -465,9 +466,13 @@ class WindowSize:
 
 
 class Predictor:
-    """Extrapolate from the ends of the last windows by a polynomial of ``order`` 0, 1 or 2.
+    """Extrapolates the fields at the ends of the last windows by a polynomial.
 
-    Windows may differ in size. As long as there are fewer windows the order is lower.
+    Windows may differ in size. With fewer windows the order is lower.
+
+    Parameters
+    ----------
+    order : of the polynomial, 0, 1 or 2.
     """
 
     def __init__(self, order: int) -> None:
@@ -483,7 +488,7 @@ class Predictor:
 
     @property
     def extrapolates(self) -> bool:
-        """Return whether there are windows enough for more than holding the last values."""
+        """Whether there are enough windows for more than the last values."""
         return len(self._times) > 1
 
     @property
@@ -506,25 +511,25 @@ class Predictor:
         weights = _lagrange_weights(self._times, time)
         fields = []
         for number in range(len(self._values[0])):
-            # From the newest value on: a field that does not change stays bit-identical.
+            # relative to the newest value, so that a constant field stays bit-identical
             field = self._values[0][number].copy()
             for weight, values in zip(weights[1:], self._values[1:]):
                 field += weight * (values[number] - self._values[0][number])
             fields.append(field)
         return fields
 
-    def save(self) -> Any:
+    def save(self) -> tuple[list[float], list[list[Values]]]:
         """Return a copy of the memory."""
         return list(self._times), [[field.copy() for field in row] for row in self._values]
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: tuple[list[float], list[list[Values]]]) -> None:
         """Return to a saved memory."""
         times, values = saved
         self._times, self._values = list(times), [[field.copy() for field in row] for row in values]
 
 
 def _lagrange_weights(nodes: list[float], time: float) -> list[float]:
-    """Return the weights of the values at ``nodes`` for their polynomial at ``time``; sum 1."""
+    """Return the weights of the values at ``nodes`` in their polynomial at ``time``; sum 1."""
     weights = []
     for i, here in enumerate(nodes):
         weight = 1.0

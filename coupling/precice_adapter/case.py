@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -15,13 +15,16 @@ from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.boundaries import Closure
 from lcmchain.scene.reading.read import parse_toml, read_text
 
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
 
 class InfiltrationPart(SceneModel):
     """Resin in a formed part, whose volume the other side changes.
 
     ``source`` is the mesh, in ``length_unit``, where the case has a preform that was not formed. A
-    closure of the case says at which thickness and pressures it begins; what presses from then on
-    is the other side's.
+    closure of the case determines thickness and pressures at the start only; afterwards the other
+    side presses.
     """
 
     type: Literal["infiltration"]
@@ -32,10 +35,10 @@ class InfiltrationPart(SceneModel):
 
 
 class CompactionPart(SceneModel):
-    """The textile of a formed part under what presses on it; the other side gives the pressure.
+    """The textile of a formed part under a closure; the other side gives the pore pressure.
 
-    What presses is ``closure``, or that of the infiltration's ``case``: then the textile begins
-    with the resin and pressures of that case, as the infiltration does.
+    The closure is ``closure``, or that of the infiltration's ``case``: then the textile begins with
+    the resin and the pressures of this case, as the infiltration does.
     """
 
     type: Literal["compaction"]
@@ -50,8 +53,8 @@ class CompactionPart(SceneModel):
         if (self.closure is None) == (self.case is None):
             both = "both" if self.case is not None else "neither"
             raise wrong(
-                "says what presses, or case names the infiltration's case that does; there is "
-                f"{both}",
+                "is needed, or in its place case, the file of an infiltration with a closure; "
+                f"there is {both}",
                 field="closure",
             )
         if self.case is not None and self.pressure is not None:
@@ -66,8 +69,8 @@ class CompactionPart(SceneModel):
                 )
         if getattr(self.closure, "pressed", None) == "wet":
             raise wrong(
-                'is "wet", and where resin is stands in the case of the infiltration: give the '
-                "closure there, and name it here with case in place of closure",
+                'is "wet", but only the case of the infiltration knows where resin is: give the '
+                "closure there, and name that case here with case in place of closure",
                 field="closure.pressed",
             )
         return self
@@ -131,12 +134,12 @@ class PreciceCase(SceneModel):
 
     @property
     def reads(self) -> list[Read]:
-        """Inputs, each with its mesh."""
+        """Inputs with their meshes."""
         return [Read(e.data, e.mesh or self.mesh, e.field, e.within) for e in self.read]
 
     @property
     def writes(self) -> list[Write]:
-        """Outputs, each with its mesh."""
+        """Outputs with their meshes."""
         return [Write(e.data, e.mesh or self.mesh, e.field, e.of_window) for e in self.write]
 
 
@@ -153,12 +156,12 @@ def read_case(path: Path) -> PreciceCase:
     try:
         return PreciceCase.model_validate(data, context=FROM_FILE)
     except ValidationError as error:
-        lines = [_line(details, data) for details in error.errors(include_url=False)[:20]]
+        lines = [_line(details) for details in error.errors(include_url=False)[:20]]
         raise InputError("; ".join(lines), file=path) from None
 
 
-def _line(details: Any, data: dict[str, Any]) -> str:
-    """One wrong entry in words."""
+def _line(details: ErrorDetails) -> str:
+    """Return one wrong entry in words."""
     steps = [step for step in details["loc"] if step not in _tags()]
     if field := details.get("ctx", {}).get("field"):  # of a check of the whole table
         steps.append(field)

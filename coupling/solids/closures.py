@@ -1,4 +1,4 @@
-"""What presses on a saturated sheet from outside: a bag, a tool at a gap, a tool under a force."""
+"""Closures, which press on a saturated sheet: a bag, tools at a gap, a tool under a force."""
 
 from __future__ import annotations
 
@@ -11,21 +11,24 @@ import numpy as np
 from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.errors import InputError, SimulationError
 
-#: A number, or how it changes over time [s].
+#: A number, or a function of time [s].
 OverTime = float | Callable[[float], float]
 
-# Newton's iteration on the gap of a plate: relative to the force, and at most so often.
+# Newton's iteration on the gap of a press: tolerance relative to the force, and most iterations.
 FORCE_TOLERANCE = 1e-12
 MOST_ITERATIONS = 100
-# Of the force: what may be left at the gap where the weakest ply gives no more.
+# Part of the force that may be left over at the gap where the weakest ply bears no more.
 LEFT_OVER = 1e-9
 
 
 class Closed(NamedTuple):
-    """Thickness of the cells, and how it answers to their pore pressure.
+    """Thickness of the cells, and its derivative by their pore pressure.
 
-    thickness : (C,) [m]. compliance : (C,) change of a cell's thickness by a pore pressure that
-    rises by the same in all cells [m/Pa].
+    Parameters
+    ----------
+    thickness : (C,) [m].
+    compliance : change of a cell's thickness per pore pressure that rises equally in all cells,
+        (C,) [m/Pa].
     """
 
     thickness: np.ndarray
@@ -33,7 +36,7 @@ class Closed(NamedTuple):
 
 
 class Closure(Protocol):
-    """Gives the thickness of all cells at a time under given pore pressures."""
+    """Determines the thickness of all cells at a time from their pore pressures."""
 
     def close(self, law: CompactionLaw, area: np.ndarray, pore: np.ndarray, time: float) -> Closed:
         """Return the thickness of cells of present area (C,) [m²] under pressures (C,) [Pa]."""
@@ -63,8 +66,9 @@ class Bag:
 
 @dataclass(frozen=True)
 class Gap:
-    """Rigid tools at a gap [m], (C,) or over time; what they press with follows.
+    """Rigid tools at a gap; their pressure follows from the law.
 
+    gap : [m], (C,) or over time.
     start : thickness that a cell keeps until the tools arrive (C,) [m]; None: it fills the gap.
     """
 
@@ -84,12 +88,13 @@ class Gap:
 
 @dataclass(frozen=True)
 class ClosingGap:
-    """Rigid tools that close to a gap at a constant speed, from the thickest cell on.
+    """Rigid tools that close at a constant speed, from the thickest cell to a gap.
 
     A cell keeps its thickness until the tool arrives.
 
-    start : thickness of the cells before (C,) [m]. end : gap at last [m].
-    duration : until then [s].
+    start : thickness of the cells before (C,) [m].
+    end : gap at the end [m].
+    duration : of the closing [s].
     """
 
     start: np.ndarray
@@ -108,7 +113,7 @@ class Press:
 
     force : of the press on the sheet [N], or over time.
     offset : thickness of the cells over the gap (C,) [m], such as from tools that do not match.
-    across : share of a cell's area that the press sees, |n·d| with its direction d; (C,) or one.
+    across : share of a cell's area across the direction d of the press, |n·d|; (C,) or one number.
     """
 
     force: OverTime
@@ -131,7 +136,7 @@ class Press:
             lacking = force - float(np.sum(seen * law.pressure(thickness)))
             slope = float(np.sum(seen * law.stiffness(thickness)))
             if lacking > LEFT_OVER * scale and gap - least <= LEFT_OVER * abs(gap):
-                # A thinner textile would have to bear the rest: the law says of which cell and ply.
+                # a thinner textile would have to bear the rest: the law raises, with cell and ply
                 law.pressure(least - LEFT_OVER * abs(gap) + self.offset + np.zeros_like(pore))
                 break
             if abs(lacking) <= FORCE_TOLERANCE * scale or high - low <= 1e-16:

@@ -1,7 +1,7 @@
 """Compaction of many cells by the law of their material: pressure, stiffness, and thickness.
 
-Terzaghi: what presses on a cell is borne by its fibres and its fluid, P = sigma(h) + p. The law is
-that of the forming (``Material.compaction_pressure``), plate-to-plate, per area of the reference: a
+After Terzaghi, fibres and fluid of a cell bear its total pressure, P = sigma(h) + p. The law is
+that of the forming (``Material.compaction_pressure``), plate to plate, per area of the reference: a
 cell whose mid-surface has shrunk to A bears lambda |S33| A0 / A.
 """
 
@@ -22,21 +22,22 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.shear_compaction import free_stretch
 
-# Thickness stretches among which the law is searched for its largest pressure.
+# Thickness stretches at which the largest pressure of the law is searched.
 GRID = np.linspace(1.0, 0.05, 96)
-# Shear strains among which that is done where each cell has its own.
+# Number of shear strains of that search, where each cell has its own shear.
 SHEAR_SAMPLES = 33
-# Step of the stretch for the derivative of the law; leaves 1e-9 of it.
+# Step of the stretch for the derivative of the law; its error is 1e-9 of the derivative.
 DIFFERENCE = 1e-6
 MOST_ITERATIONS = 100
-#: Of a thickness: what a last step may change.
+#: Largest change by the last step of an iteration, relative to the thickness.
 ROUND_OFF = 16.0 * float(np.finfo(float).eps)
 
 
 class CompactionLaw(Protocol):
-    """What a closure asks of the textile of C cells: of one sheet, or of plies on each other.
+    """Compaction law of the textile of C cells: of one sheet, or of plies on each other.
 
-    thickness : of the undeformed textile (C,) [m]. history : what it remembers, an array.
+    thickness : of the undeformed textile (C,) [m].
+    history : memory of the law, an array.
     """
 
     thickness: np.ndarray
@@ -55,23 +56,23 @@ class CompactionLaw(Protocol):
         """Move the history on to the end of a step that leads to a thickness (C,) [m]."""
 
     def least_gap(self, offset: np.ndarray | float) -> float:
-        """Return the gap [m] below which cells that are thicker by an offset have no pressure."""
+        """Return the least gap [m] for cells thicker by ``offset`` (C,): below, no law bears it."""
 
 
 class CellCompaction:
     """Compaction law of C cells of one material.
 
-    Thicker than free, a cell resists with the stiffness that it has when it begins to be pressed,
-    as the elements of the forming do; the fluid that lifts it must bear that.
+    A cell that is thicker than free resists with its initial stiffness under pressure, as the
+    elements of the forming do. The fluid that lifts it bears this resistance.
 
     Parameters
     ----------
     material : see :class:`lcmchain.materials.law.Material`.
-    thickness : of the sheet in each cell where nothing has pressed it (C,) [m].
+    thickness : of the unpressed sheet in each cell (C,) [m].
     area_stretch : present over undeformed area of the mid-surface (C,) or one number.
-    history : what the law remembers (numbers, C); nothing has happened by default.
-    shear : strain g = sin γ of each cell (C,), of a law that is one of thickness and shear; None
-        where ``thickness`` and ``area_stretch`` hold all that the shear does.
+    history : memory of the law (numbers, C); by default that of a virgin textile.
+    shear : strain g = sin γ of each cell (C,), of a law that depends on thickness and shear; None
+        where ``thickness`` and ``area_stretch`` include the effect of the shear.
 
     Raises
     ------
@@ -88,7 +89,7 @@ class CellCompaction:
     ) -> None:
         self.material = material
         self.shear = shear
-        #: Thickness of the sheet that is sheared and free over that of the unsheared one.
+        #: Thickness of the free sheared sheet over that of the unsheared one.
         self._sheared: np.ndarray | float = 1.0
         if shear is not None:
             self._sheared = free_stretch(material, shear)
@@ -113,7 +114,7 @@ class CellCompaction:
         strain = np.zeros(6)
         if self.shear is not None:
             strain = np.zeros((len(self.shear), 6))
-            # just free: what rounding leaves below counts as pressed, and back from a set
+            # just above free: below, rounding may make it pressed, and unloading from a set
             free = 0.5 * (self._sheared**2 * (1.0 + ROUND_OFF) - 1.0)
             strain[..., 2], strain[..., 3] = free, self.shear
         stiffness: np.ndarray = self.material.stress_and_tangent(strain)[1][..., 2, 2]
@@ -125,7 +126,7 @@ class CellCompaction:
             return float(GRID[int(np.argmax(self.material.compaction_pressure(GRID)))])
         samples = np.linspace(0.0, float(np.max(np.abs(self.shear), initial=0.0)), SHEAR_SAMPLES)
         free = free_stretch(self.material, samples)
-        with np.errstate(invalid="ignore"):  # thinner than the law knows any strain of
+        with np.errstate(invalid="ignore"):  # thinner than any strain of the law
             carried = self._at_shear(
                 GRID[:, None] * free, None, np.broadcast_to(samples, (len(GRID), len(samples)))
             )
@@ -143,7 +144,7 @@ class CellCompaction:
 
     @property
     def free_stretch(self) -> np.ndarray:
-        """Return the stretch at which nothing presses (C,): 1, less by a permanent set."""
+        """Return the stretch without pressure (C,): 1, or less after a permanent set."""
         low = np.full(self.thickness.shape, self._thinnest)
         high = np.ones_like(low)
         if not len(self.history):
@@ -193,7 +194,7 @@ class CellCompaction:
                 np.where(excess <= 0.0, stretch, high),
             )
             better = stretch - excess / self._slope(stretch, free)
-            # A last step within round-off may lead out of the bounds: no reason to halve them.
+            # a last step within round-off may leave the bounds; then they need not be halved
             found = np.abs(better - stretch) <= ROUND_OFF * stretch
             inside = (better > low) & (better < high)
             better = np.where(inside, better, 0.5 * (low + high))
@@ -215,14 +216,14 @@ class CellCompaction:
         past = self.history if len(self.history) else None
         if self.shear is None:
             return self.material.compaction_pressure(stretch, past)
-        # as a sheet of the free thickness would: over an area that is as much larger
+        # as a sheet of the free thickness, on an area that is larger by the same factor
         return self._sheared * self._at_shear(self._sheared * stretch, past, self.shear)
 
     def _at_shear(
         self, stretch: np.ndarray, past: np.ndarray | None, shear: np.ndarray
     ) -> np.ndarray:
         """Return the pressure of a law of thickness and shear on the area at the start."""
-        law: Any = self.material  # of a fabric, which alone is one
+        law: Any = self.material  # a fabric: only these have such laws
         pressure: np.ndarray = law.compaction_pressure(stretch, past, shear)
         return pressure
 
@@ -239,7 +240,7 @@ class CellCompaction:
 
 
 @routine
-def _remember(law: Any, strain, shear, history):
+def _remember(law, strain, shear, history):
     count = strain.size
     for i in range(count):
         past = load_history(law, history, i, count)

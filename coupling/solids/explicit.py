@@ -1,7 +1,7 @@
 """The explicit forming simulation as the solid side of a coupling.
 
-The fluid gives one pore pressure per element; forming gives back the volume of the elements and how
-fast it changed. Forces and volumes belong together: p dV is the work on the sheet
+The fluid gives one pore pressure per element. Forming gives the volume of the elements and its
+rate. Forces and volumes are conjugate: p dV is the work on the sheet
 (:mod:`lcmchain.effects.pore_pressure`).
 """
 
@@ -10,11 +10,11 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from lcmchain.coupling.iteration.interface import (
+    POINTS,
     PORE_PRESSURE,
     PRESSURE_AT_REST,
     REFERENCE_PRESSURE,
@@ -22,20 +22,22 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE_SLOPE,
     Fields,
     PartFailed,
+    checked_field,
+    selected_fields,
 )
-from lcmchain.coupling.solids.fields import POINTS, checked, chosen
 from lcmchain.effects.pore_pressure import resistance_mobilities, volumes_and_rates
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.model import build_model
+from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation, StepControl
 from lcmchain.state import State
 
-# Share of the explicit step's stability that the resistances of the fluid may take.
+# Share of the stability limit of the explicit step that the resistances of the fluid may use.
 DAMPED_SHARE = 0.25
-# Of a face: a tool that touches so much of it keeps air out.
+# Least part of a face that a tool touches where it keeps air out.
 COVERED = 0.5
-# Of a step: what it ends beside the border of a stage is rounding.
+# Largest distance of the end of a step from the border of a stage that is rounding, over the step.
 ROUNDED_BORDER = 1e-6
 
 
@@ -43,12 +45,16 @@ ROUNDED_BORDER = 1e-6
 class SavedForming:
     """State of a :class:`ExplicitForming` at a time.
 
-    state : of the simulation. control : what limits its step.
-    given : pressure that was set last (element_count,) [Pa]. at_rest : whether it is that at rest.
+    Parameters
+    ----------
+    state : of the simulation.
+    control : of its time step.
+    given : pressure that was set last (element_count,) [Pa].
+    at_rest : whether it is the pressure at rest.
     mean_pressure : over the last step (element_count,) [Pa].
     resistance : over the last step (element_count,) [Pa s/m³].
     step : length of the last step [s], 0 before the first one.
-    volume, area : of the elements where the last step began (element_count,) [m³, m²].
+    volume, area : of the elements at the begin of the last step (element_count,) [m³, m²].
     columns_at : of a stack, positions of the nodes for which its columns were found (3, N) [m].
     """
 
@@ -65,24 +71,26 @@ class SavedForming:
 
 
 class ExplicitForming:
-    """A forming simulation with a fluid in its pores; a
-    :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
+    """A forming simulation with a fluid in its pores.
 
-    The pore pressure that was set is held over a step; own steps are the explicit ones. An
-    incompressible fluid leaves an element no volume of its own: windows must then resolve its
-    thickness wave (:meth:`longest_window`). Give ``pressure_at_rest`` instead for longer ones: the
-    pressure then falls within the step with the rate of the volume, by a resistance that each
-    element reports and that its explicit step bears, so that thickness waves die away. Where solid
-    and fluid agree, the mean of both is the same (a Robin condition on the solid's side). With
-    ``ramped`` the pressure goes linearly from its value before to the one that was set: for outer
-    pressures that change slowly, over windows of any length. A fluid that answers to the mean rate
-    over a window then makes shorter windows unstable.
+    It is a :class:`lcmchain.coupling.iteration.interface.CoupledPart` whose steps consist of many
+    explicit time steps. There are three ways to set the pressure:
+
+    - ``pore_pressure`` is constant over a step. With an incompressible fluid, which determines the
+      volume of an element, windows must resolve its thickness wave (:meth:`longest_window`).
+    - ``pressure_at_rest`` is for longer windows. The pressure falls within the step with the rate
+      of the volume, by a resistance that each element reports and that its explicit step bears, so
+      that thickness waves die away. Where solid and fluid agree, the mean pressure of both is the
+      same (a Robin condition on the side of the solid).
+    - With ``ramped``, ``pore_pressure`` changes linearly over the step: for outer pressures that
+      change slowly, in windows of any length. With a fluid that depends on the mean rate over a
+      window, short windows are then unstable.
 
     Parameters
     ----------
     simulation : of one sheet with a thickness, whose model was built with ``pore_pressure=True``.
-    surroundings : pressure around the sheet [Pa]; the pressures that are set are in the same
-        system, and what loads the sheet is the difference.
+    surroundings : pressure around the sheet [Pa], absolute or gauge as the pressures that are set;
+        the difference loads the sheet.
     ramped : whether the pressure changes linearly over a step instead of at its beginning.
 
     Raises
@@ -105,14 +113,14 @@ class ExplicitForming:
         self.start_anew()
 
     def start_anew(self) -> None:
-        """Take the present as what the next step begins with, and forget the one before."""
+        """Begin the next step with the present state, and forget the last step."""
         self._given, self._at_rest = self.present_pressure(), False
         self._mean, self._resistance = self._given.copy(), np.zeros(self.element_count)
         self._step = 0.0
         self._volume, self._area = self.volume(), self.area()
 
     def drain(self) -> None:
-        """Let the fluid have the pressure of the surroundings, as long as nothing else is set."""
+        """Give the fluid the pressure of the surroundings until another one is set."""
         state = self.simulation.state
         for array in (state.pore_pressure, state.pore_rate, state.pore_resistance):
             array[:] = 0.0
@@ -133,9 +141,12 @@ class ExplicitForming:
         return bodies[0]
 
     @classmethod
-    def from_scene(cls, scene: Any, **options: Any) -> ExplicitForming:
-        """Build the forming of a scene."""
-        return cls(Simulation(build_model(scene, pore_pressure=True)), **options)
+    def from_scene(
+        cls, scene: Scene, *, surroundings: float = 0.0, ramped: bool = False
+    ) -> ExplicitForming:
+        """Return the forming of the sheet of a scene; options as of the class."""
+        simulation = Simulation(build_model(scene, pore_pressure=True))
+        return cls(simulation, surroundings=surroundings, ramped=ramped)
 
     # --- shape ------------------------------------------------------------------------------------
 
@@ -182,7 +193,7 @@ class ExplicitForming:
         return self.simulation.state.pore_pressure[self._lanes.place] + self.surroundings
 
     def _pressure_in_lanes(self, pressure: np.ndarray) -> np.ndarray:
-        """Return what pressures of the cells (C,) [Pa] load the elements with, by lane."""
+        """Return the loads on the elements by lane [Pa], from pressures of the cells (C,) [Pa]."""
         return self._lanes.in_lanes(pressure - self.surroundings)
 
     def _resistance_in_lanes(self) -> np.ndarray:
@@ -195,11 +206,11 @@ class ExplicitForming:
         return volume[self._lanes.place], rate[self._lanes.place]
 
     def compliance(self) -> np.ndarray:
-        """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
+        """Return the change of volume per pressure over the last step (C,) [m³/Pa].
 
-        The smaller of two estimates: that of the law of compaction, with the contact of elements
-        between two tools; and 2 A² dt² / m, what the inertia of an element of mass m lets a
-        pressure do within a step. It steers an iteration and has no part in its result.
+        It is the smaller of two estimates: by the law of compaction, with the contact of elements
+        between two tools; and 2 A² dt² / m by the inertia of an element of mass m within a step.
+        It speeds up an iteration and does not change its result.
         """
         area = self.area()
         inertial = 2.0 * (area * self._step) ** 2 / self._lanes.mass[self._lanes.place]
@@ -207,7 +218,7 @@ class ExplicitForming:
         return np.minimum(1.0 / held, inertial)
 
     def _contact_stiffness(self, area: np.ndarray) -> np.ndarray:
-        """Return by how much contact on both faces stiffens a thickness (element_count,) [N/m]."""
+        """Return the stiffness of contact on both faces against closing (element_count,) [N/m]."""
         below, above = self._touched()
         both = below + above
         series = np.divide(below * above, both, out=np.zeros_like(both), where=both > 0.0)
@@ -219,7 +230,7 @@ class ExplicitForming:
         return touched[:, :4].mean(axis=1), touched[:, 4:].mean(axis=1)
 
     def covered(self) -> np.ndarray:
-        """Return which elements tools touch on both faces, over half of each or more (C,)."""
+        """Whether tools touch both faces of an element, at least half of each (C,)."""
         below, above = self._touched()
         return (below >= COVERED) & (above >= COVERED)
 
@@ -232,10 +243,10 @@ class ExplicitForming:
         return 2.0 * DAMPED_SHARE / (step * mobility[self._lanes.place])
 
     def longest_window(self) -> float:
-        """Return half the period of the fastest thickness wave [s], of the elements on their own.
+        """Return half the period of the fastest thickness wave of single elements [s].
 
-        A pressure that is held for longer no longer tells how the volume of an element will have
-        changed: it swings back within the step, and a coupling over such windows is not stable.
+        Under a pressure that is constant for longer an element swings back within the step, so that
+        its change of volume no longer follows from the pressure: the coupling is unstable.
         """
         mass = self._lanes.mass[self._lanes.place]
         omega2 = 4.0 * self.area() ** 2 / (mass * self._static_compliance())
@@ -272,7 +283,7 @@ class ExplicitForming:
         ------
         PartFailed : a guard stopped the forming.
         """
-        if self.simulation.control.step == 0.0:  # of one that was not compiled, which finds a step
+        if self.simulation.control.step == 0.0:  # compiling determines the time step
             self.simulation.compile()
         simulation, state = self.simulation, self.simulation.state
         begin = self.time
@@ -299,9 +310,9 @@ class ExplicitForming:
         state.pore_pressure[:] = self._pressure_in_lanes(self._mean)
 
     def _end_of(self, begin: float, step: float) -> float:
-        """Return when a step ends [s]: at the border of a stage, not a rounding error beside it."""
-        end, stage = begin + step, self.simulation.model.present_stage
-        borders = [] if stage is None else [own.end for own in self.simulation.model.stages]
+        """Return the end of a step [s], exactly at the border of a stage where it is near one."""
+        end, present = begin + step, self.simulation.model.present_stage
+        borders = [] if present is None else [stage.end for stage in self.simulation.model.stages]
         return next((b for b in borders if abs(b - end) < ROUNDED_BORDER * step), end)
 
     def save(self) -> SavedForming:
@@ -328,7 +339,7 @@ class ExplicitForming:
         self._volume, self._area = saved.volume.copy(), saved.area.copy()
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
-        """Take ``pore_pressure`` or ``pressure_at_rest`` (element_count,) [Pa] for the next step.
+        """Set ``pore_pressure`` or ``pressure_at_rest`` (element_count,) [Pa] for the next step.
 
         Raises
         ------
@@ -341,7 +352,7 @@ class ExplicitForming:
                 raise InputError(
                     f'"{name}" is no input of forming; it takes {" or ".join(self.inputs)}'
                 )
-            self._given = checked(name, values, self.element_count)
+            self._given = checked_field(name, values, self.element_count)
             self._at_rest = name == PRESSURE_AT_REST
 
     def get_fields(self, names: Sequence[str]) -> Fields:
@@ -361,19 +372,19 @@ class ExplicitForming:
         before = {
             "volume": self._volume, "thickness": self._volume / self._area, "area": self._area
         }  # fmt: skip
-        found = {
+        outputs = {
             PORE_PRESSURE: self._mean, REFERENCE_PRESSURE: self._mean,
             RESISTANCE: self._resistance, **now,
         }  # fmt: skip
-        found[POINTS] = self.points().ravel()
+        outputs[POINTS] = self.points().ravel()
         for name, value in now.items():
             change = value - before[name]
-            found[f"{name}_rate"] = change / self._step if self._step else np.zeros_like(value)
+            outputs[f"{name}_rate"] = change / self._step if self._step else np.zeros_like(value)
         if VOLUME_RATE_SLOPE in names:
-            found[VOLUME_RATE_SLOPE] = self.compliance() / (self._step or np.inf)
+            outputs[VOLUME_RATE_SLOPE] = self.compliance() / (self._step or np.inf)
         else:
-            found[VOLUME_RATE_SLOPE] = np.zeros_like(volume)
-        return chosen(names, found)
+            outputs[VOLUME_RATE_SLOPE] = np.zeros_like(volume)
+        return selected_fields(names, outputs)
 
     def places(self, name: str) -> np.ndarray | None:
         """Return the centres of the elements (element_count, 3) [m]."""

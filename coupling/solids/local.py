@@ -1,8 +1,8 @@
-"""Compaction of every cell on its own: the solid side of an infusion, or of closing tools.
+"""Compaction of every cell alone: the solid side of an infusion, or of closing tools.
 
-Where the sheet lies still in its plane, its equation of motion is that of its thickness, without
-inertia: what presses on a cell is borne by fibres and fluid. Minutes of an infusion cost as little
-as the cells have thicknesses; an explicit forming cannot go there.
+Where the sheet does not move in its plane, only its thickness is unknown, and inertia is left out:
+fibres and fluid of a cell bear the pressure on it. So minutes of an infusion cost little, which an
+explicit forming could not reach.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE_SLOPE,
     Fields,
     PartFailed,
+    checked_field,
+    selected_fields,
 )
 from lcmchain.coupling.solids.closures import Closed, Closure, require_positive
 from lcmchain.coupling.solids.compaction_law import CompactionLaw
-from lcmchain.coupling.solids.fields import checked, chosen
 from lcmchain.errors import InputError, SimulationError
 
-#: Of a thickness: the iteration for the gap of a press leaves less.
+#: Change of a thickness that counts as round-off, relative to it: more than a press leaves.
 ROUND_OFF = 1e-12
 
 
@@ -47,22 +48,24 @@ class SavedCompaction:
 
 
 class LocalCompaction:
-    """Thickness of C cells from what presses on them and their pore pressure; a
-    :class:`lcmchain.coupling.iteration.interface.CoupledPart`.
+    """Thickness of C cells under a closure and their pore pressure.
 
-    The pore pressure that was set is that of the end of a step. The first state is in balance with
-    the pressures of the start, or is that of a given thickness.
+    It is a :class:`lcmchain.coupling.iteration.interface.CoupledPart`. The pore pressure that is
+    set is that at the end of a step. The first state is in balance with the pressures at the start,
+    or has a prescribed thickness.
 
     Parameters
     ----------
-    law : of the cells. closure : what presses on them.
+    law : of the cells.
+    closure : presses on them.
     area : present area of the mid-surface of each cell (C,) [m²].
     pore_pressure : at the start (C,) or one number [Pa].
     centres : of the cells (C, 3) [m], for messages.
-    start : thickness at the start (C,) [m] where the fluid has not yet let the cells come to their
-        balance; None for that.
-    swells : whether fluid can come in, so that cells may become thicker. Where it cannot they keep
-        their thickness, whatever lets go of them.
+    time : at the start [s].
+    start : thickness at the start (C,) [m], where the fluid holds the cells out of balance; None:
+        the thickness in balance.
+    swells : whether fluid can come in, so that cells may become thicker. Else they keep their
+        thickness when the closure is relieved.
 
     Raises
     ------
@@ -85,16 +88,16 @@ class LocalCompaction:
     ) -> None:
         self._swells, self._given_start = swells, start is not None
         self.law, self.closure = law, closure
-        self.area = checked("area", area, law.thickness.size)
+        self.area = checked_field("area", area, law.thickness.size)
         require_positive("area", self.area)
         self._centres, self._time, self._step = centres, float(time), 0.0
         pore = np.broadcast_to(np.asarray(pore_pressure, dtype=float), self.area.shape)
-        self._pressure = checked(PORE_PRESSURE, pore, self.cell_count)
+        self._pressure = checked_field(PORE_PRESSURE, pore, self.cell_count)
         self._used = self._pressure.copy()
         if start is None:
             closed = self._closed(self._time)
         else:
-            given = checked(THICKNESS, start, self.cell_count)
+            given = checked_field(THICKNESS, start, self.cell_count)
             closed = Closed(given, np.zeros_like(given))
         self._take(closed)
         self._before = self._thickness.copy()
@@ -129,7 +132,7 @@ class LocalCompaction:
                 str(error), time=self._time, step=step, inputs={PORE_PRESSURE: self._pressure}
             ) from error
         if self._given_start:
-            # a rate of round-off alone is none
+            # a change by round-off is no rate
             change = closed.thickness - self._thickness
             lies = np.abs(change) <= ROUND_OFF * self._thickness
             closed = Closed(np.where(lies, self._thickness, closed.thickness), closed.compliance)
@@ -160,7 +163,7 @@ class LocalCompaction:
         self.law.history = saved.history.copy()
 
     def set_fields(self, fields: Mapping[str, np.ndarray]) -> None:
-        """Take ``pore_pressure`` (C,) [Pa] at the end of the next step.
+        """Set ``pore_pressure`` (C,) [Pa] at the end of the next step.
 
         Raises
         ------
@@ -169,7 +172,7 @@ class LocalCompaction:
         for name, values in fields.items():
             if name != PORE_PRESSURE:
                 raise InputError(f'"{name}" is no input of compaction; it takes {PORE_PRESSURE}')
-            self._pressure = checked(name, values, self.cell_count)
+            self._pressure = checked_field(name, values, self.cell_count)
 
     def get_fields(self, names: Sequence[str]) -> Fields:
         """Return outputs (C,) at the present time; rates are means over the last step.
@@ -182,31 +185,31 @@ class LocalCompaction:
         ------
         InputError : a name that is no output.
         """
-        span = self._step or np.inf
-        rate = (self._thickness - self._before) / span
+        step = self._step or np.inf  # rates are 0 before the first step
+        rate = (self._thickness - self._before) / step
         fibres = self.law.pressure(self._thickness)
-        found = {
+        outputs = {
             THICKNESS: self._thickness,
             THICKNESS_RATE: rate,
-            THICKNESS_RATE_SLOPE: self._compliance / span,
+            THICKNESS_RATE_SLOPE: self._compliance / step,
             "volume": self.area * self._thickness,
             VOLUME_RATE: self.area * rate,
-            VOLUME_RATE_SLOPE: self.area * self._compliance / span,
+            VOLUME_RATE_SLOPE: self.area * self._compliance / step,
             REFERENCE_PRESSURE: self._used,
             PORE_PRESSURE: self._used,
             "fibre_pressure": fibres,
             "total_pressure": fibres + self._used,
         }
-        return chosen(names, found)
+        return selected_fields(names, outputs)
 
     def force_parts(self, across: np.ndarray | float = 1.0) -> dict[str, float]:
-        """Return what presses on all cells and its parts: ``total``, ``fibres``, ``fluid`` [N].
+        """Return the force on all cells and its parts: ``total``, ``fibres``, ``fluid`` [N].
 
         across : share of a cell's area across the direction of the force, (C,) or one number.
         """
-        seen = self.area * across
-        fibres = float(np.sum(seen * self.law.pressure(self._thickness)))
-        fluid = float(np.sum(seen * self._used))
+        area = self.area * across
+        fibres = float(np.sum(area * self.law.pressure(self._thickness)))
+        fluid = float(np.sum(area * self._used))
         return {"total": fibres + fluid, "fibres": fibres, "fluid": fluid}
 
     def places(self, name: str) -> np.ndarray | None:

@@ -1,22 +1,22 @@
 """A stack of plies that is formed, as the solid side of a coupling: columns through all plies.
 
 The fluid has one pressure in each *column*, which goes through all plies and the gaps between them.
-The elements of the ply that covers most are the columns; an element of another ply lies over those
-that its area overlaps at present. What the pressure acts on: :mod:`lcmchain.effects.pore_columns`.
+The elements of the ply with the largest area are the columns. An element of another ply belongs to
+the columns that its area overlaps at present. :mod:`lcmchain.effects.pore_columns` says where the
+pressure acts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from lcmchain.coupling.infiltration.formed_part import blocks_of
 from lcmchain.coupling.solids.explicit import DAMPED_SHARE, ExplicitForming, SavedForming
-from lcmchain.coupling.solids.inner_faces import PliesInColumns, inner_parts
 from lcmchain.effects.pore_columns import PoreColumns, mobilities, of_columns
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
@@ -29,44 +29,57 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import Simulation
 
-#: From the larger of these shares of its area on an element lies over columns with all of it:
-#: tangent planes and facets of two meshes of the same curved surface disagree by a few per cent. Up
-#: to the smaller one it hangs over, in between it goes from one to the other.
+#: An element with more than the larger of these shares of its area over columns counts as wholly
+#: over them: tangent planes and facets of two meshes of the same curved surface differ by a few per
+#: cent. Up to the smaller share the rest hangs over; in between the rest is reduced linearly.
 HANGS_OVER, WHOLLY = 0.8, 0.9
 #: Shares below this are rounding of faces that share an edge.
 ROUNDING = 1e-9
+#: Gaps over the thickness of the thinner of two plies: up to the smaller one the fluid joins them,
+#: from the larger one on it does not. Contact has no gap beyond half a thickness.
+JOINED, APART = 0.25, 0.5
 
 
 class StackForming(ExplicitForming):
     """A forming simulation of several plies with a fluid between and in them.
 
-    As :class:`ExplicitForming`, whose cells here are the columns: pressures, resistances, volumes
-    and areas are theirs. The columns lie where the plies are at the begin of a step; they stay with
-    the material in it.
+    It is an :class:`ExplicitForming` whose cells are the columns: pressures, resistances, volumes
+    and areas are theirs. The columns are found anew at the begin of a step, and follow the material
+    during the step.
 
     Parameters
     ----------
     simulation : of several plies with a thickness, which touch each other, whose model was built
         with ``pore_pressure=True``.
-    unlike : whether plies end inside others, so that parts of their faces look at other plies than
-        the next ones, or lie bare (:mod:`.inner_faces`). Else the faces between the plies look at
-        each other, however far they have slid.
-    options : ``surroundings``, ``ramped`` as of :class:`ExplicitForming`. The part of an element
-        that lies beside all columns has the pressure of the surroundings.
+    unlike : whether plies end inside others, so that parts of their faces face other plies than the
+        next ones, or are bare. Else the faces between the plies face each other, however far they
+        have slid.
+    surroundings, ramped : as of :class:`ExplicitForming`. The part of an element beside all columns
+        has the pressure of the surroundings.
 
     Raises
     ------
     InputError : the model has no pore pressure, one sheet, or plies that do not touch.
     """
 
-    def __init__(self, simulation: Simulation, *, unlike: bool = False, **options: Any) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        unlike: bool = False,
+        surroundings: float = 0.0,
+        ramped: bool = False,
+    ) -> None:
         self._unlike = unlike
-        super().__init__(simulation, **options)
+        super().__init__(simulation, surroundings=surroundings, ramped=ramped)
 
     @classmethod
-    def of_scene(cls, scene: Scene, simulation: Simulation, **options: Any) -> StackForming:
+    def of_scene(
+        cls, scene: Scene, simulation: Simulation, *, surroundings: float = 0.0
+    ) -> StackForming:
         """Return the forming of the stack of a scene; parameters are those of the class."""
-        return cls(simulation, unlike=not scene.stack.has_one_outline, **options)
+        unlike = not scene.stack.has_one_outline
+        return cls(simulation, unlike=unlike, surroundings=surroundings)
 
     def _sheet(self) -> Body:
         model = self.simulation.model
@@ -90,9 +103,9 @@ class StackForming(ExplicitForming):
         return self._body.mesh.element_count
 
     def renew(self) -> None:
-        """Let the columns lie where the plies are now."""
+        """Find the columns at the present positions of the plies."""
         positions = self._positions()
-        if np.array_equal(positions, self._renewed_at):  # an iteration begins where the last did
+        if np.array_equal(positions, self._renewed_at):  # an iteration begins at the same positions
             return
         self._renewed_at = positions.copy()
         self.shares = shares_of_columns(self._bodies, self.reference, positions)
@@ -103,7 +116,7 @@ class StackForming(ExplicitForming):
         self.simulation.model = replace(model, pore=self._lanes, pore_columns=self._columns)
 
     def _find_inner_faces(self, positions: np.ndarray) -> None:
-        """Find the part of every face that looks at another ply, and tell the loop."""
+        """Find the part of every face that faces another ply, and pass it to the time loop."""
         counts = [body.mesh.element_count for body in self._bodies]
         ply = np.repeat(np.arange(len(counts)), counts)
         own = [positions[self._nodes(body)] for body in self._bodies]
@@ -115,7 +128,7 @@ class StackForming(ExplicitForming):
             self.shares, ply, area, self.ply_volumes(), centre, (self.area(), self.normals())
         )
         thicknesses = [float(body.material.thickness) for body in self._bodies]
-        #: Part of the lower and upper face of every element that looks at another ply (E,).
+        #: Part of the lower and upper face of every element that faces another ply (E,).
         self.inner = tuple(
             inner_parts(self.shares, ply, plies.part, facing)
             for facing in plies.facing(thicknesses)
@@ -134,7 +147,7 @@ class StackForming(ExplicitForming):
 
     def restore(self, saved: SavedForming) -> None:
         super().restore(saved)
-        # outputs of the last step are those of the columns that it began with
+        # outputs of the last step belong to the columns at its begin
         position = self.simulation.state.position
         present = position.copy()
         position[:] = saved.columns_at
@@ -166,7 +179,7 @@ class StackForming(ExplicitForming):
     def _gaps(self) -> np.ndarray:
         """Return half the volume of the gaps at both faces of each element [m³].
 
-        The face across the gap has the other half. Depths that contact leaves are negative gaps.
+        The face across the gap has the other half. Penetrations of the contact are negative gaps.
         """
         model = self.simulation.model
         assert model.ply_contact is not None
@@ -211,23 +224,23 @@ class StackForming(ExplicitForming):
     # --- answers ----------------------------------------------------------------------------------
 
     def _mobility(self) -> np.ndarray:
-        """Return how a column answers to its pressure, at most (C,) [m⁴/kg].
+        """Return an upper bound of the columns' accelerations of volume per pressure (C,) [m⁴/kg].
 
-        Of a column of elements with the gradients g_e and the masses m_e the fastest motion has
+        In a column of elements with the gradients g_e and the masses m_e the fastest motion has
         (Σ W_e g_e)² / Σ W_e m_e, which is at most Σ W_e g_e²/m_e.
         """
         return of_columns(self._columns, mobilities(self._lanes, self.simulation.state.position))
 
     def _next_resistance(self) -> np.ndarray:
-        # plies of a dry column may come apart; resisted, they would take many iterations to do so
+        # plies of a dry column may come apart; a resistance would delay that by many iterations
         bearable = 2.0 * DAMPED_SHARE / (self.simulation.control.step * self._mobility())
         return np.where(self.resisting, bearable, 0.0)
 
     def compliance(self) -> np.ndarray:
-        """Return how much the volumes answer to their pressures over the last step (C,) [m³/Pa].
+        """Return the change of volume per pressure over the last step (C,) [m³/Pa].
 
-        As of one sheet. The compliances of the plies add up, with those of the springs between
-        them; the outer faces are what inertia lets move first.
+        As for one sheet. The compliances of the plies and of the springs between them add up. By
+        inertia the outer faces move first.
         """
         area = self.area()
         held = 1.0 / self._static_compliance() + self._contact_stiffness(area) / area**2
@@ -238,8 +251,8 @@ class StackForming(ExplicitForming):
         return float(np.pi / np.sqrt(omega2.max()))
 
     def _static_compliance(self) -> np.ndarray:
-        own = [self._compliance_of(body) for body in self._bodies]
-        return self.shares.T @ np.concatenate(own) + self._between_plies()
+        of_plies = [self._compliance_of(body) for body in self._bodies]
+        return self.shares.T @ np.concatenate(of_plies) + self._between_plies()
 
     def _between_plies(self) -> np.ndarray:
         """Return the compliance of the springs between the plies (C,) [m³/Pa]."""
@@ -276,33 +289,36 @@ class StackForming(ExplicitForming):
         return np.divide(there, total, out=np.zeros_like(there), where=total > 0.0)
 
 
-def forming_of_scene(scene: Scene, simulation: Simulation, **options: Any) -> ExplicitForming:
-    """Return the forming of one sheet, or of a stack, that a fluid acts in.
+def forming_of_scene(
+    scene: Scene, simulation: Simulation, *, surroundings: float = 0.0
+) -> ExplicitForming:
+    """Return the forming of one sheet or of a stack, with a fluid in it.
 
-    simulation : of the scene. options : as of :class:`ExplicitForming`.
+    Parameters
+    ----------
+    simulation : of the scene.
+    surroundings : pressure around the sheet [Pa], see :class:`ExplicitForming`.
     """
     if len(simulation.model.bodies) > 1:
-        return StackForming.of_scene(scene, simulation, **options)
-    return ExplicitForming(simulation, **options)
+        return StackForming.of_scene(scene, simulation, surroundings=surroundings)
+    return ExplicitForming(simulation, surroundings=surroundings)
 
 
 def largest_ply(meshes: Sequence[SheetMesh]) -> int:
-    """Return the number of the ply that covers most, of equal ones the lowest."""
+    """Return the number of the ply with the largest area, of equal ones the lowest."""
     area = np.array([mesh.areas(mesh.node_positions).sum() for mesh in meshes])
     return int(np.argmax(area >= area.max() * (1.0 - ROUNDING)))
 
 
 def shares_of_columns(bodies: Sequence[Body], reference: int, positions: np.ndarray) -> csr_array:
-    """Return the share of its area with which each element lies over each column.
+    """Return the share of each element's area over each column (element_count, C).
+
+    The sum of a row is at most 1, and less where the element hangs over.
 
     Parameters
     ----------
     reference : number of the body whose elements are the columns.
     positions : of all nodes (node_count, 3) [m].
-
-    Returns
-    -------
-    (element_count, C); a row adds up to at most 1, and to less where the element hangs over.
     """
     surfaces = []
     for body in bodies:
@@ -333,3 +349,102 @@ def shares_of_columns(bodies: Sequence[Body], reference: int, positions: np.ndar
     shape = (sum(len(surface.faces) for surface in surfaces), target.cell_count)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     return csr_array(coo_array(entries, shape=shape))
+
+
+# --- faces between plies, where plies end inside others -------------------------------------------
+#
+# Fluid between two plies presses on both of their faces (lcmchain.effects.pore_columns). So the
+# parts of both faces that face each other must be equal at every place, else the fluid would push
+# the stack as a whole. They are found column by column. A ply covers a part of a column. Parts of
+# unlike size are nested: two plies face each other in the part that both cover and no ply between
+# them covers. Where they have come apart, each face is bare.
+
+
+class PliesInColumns(NamedTuple):
+    """Plies of a stack in its columns, arrays (P, C).
+
+    Parameters
+    ----------
+    part : of the area of the column that the ply covers, at most 1.
+    height : of the ply's middle along the column's normal [m]; 0 where the ply is not.
+    thickness : of the ply [m]; 0 where the ply is not.
+    """
+
+    part: np.ndarray
+    height: np.ndarray
+    thickness: np.ndarray
+
+    @classmethod
+    def of_elements(
+        cls,
+        shares: csr_array,
+        ply: np.ndarray,
+        area: np.ndarray,
+        volume: np.ndarray,
+        centre: np.ndarray,
+        columns: tuple[np.ndarray, np.ndarray],
+    ) -> PliesInColumns:
+        """Gather the elements of each ply in each column.
+
+        Parameters
+        ----------
+        shares : share of the area of each element over each column (E, C).
+        ply : number of each element's ply (E,).
+        area, volume, centre : of the elements [m², m³, m], (E,), (E,), (E, 3).
+        columns : areas (C,) [m²] and normals (C, 3).
+        """
+        column_area, normals = columns
+        count = int(ply.max()) + 1
+        part, height, thickness = np.zeros((3, count, column_area.size))
+        for number in range(count):
+            rows = np.flatnonzero(ply == number)
+            of_ply = shares[rows]
+            covered = of_ply.T @ area[rows]
+            there = covered > 0.0
+            middle = of_ply.T @ (area[rows, None] * centre[rows])
+            total = of_ply.T @ volume[rows]
+            part[number] = np.minimum(covered / column_area, 1.0)
+            height[number, there] = ((middle * normals).sum(axis=1)[there]) / covered[there]
+            thickness[number, there] = total[there] / covered[there]
+        return cls(part, height, thickness)
+
+    def facing(self, thinnest: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the parts of the columns in which each ply faces one below, and one above (P, C).
+
+        thinnest : thickness of each ply at the start [m].
+        """
+        below, above = np.zeros_like(self.part), np.zeros_like(self.part)
+        count = len(self.part)
+        for lower in range(count):
+            between = np.zeros(self.part.shape[1])
+            for upper in range(lower + 1, count):
+                both = np.minimum(self.part[lower], self.part[upper])
+                seen = np.maximum(both - between, 0.0)
+                gap = self.height[upper] - self.height[lower]
+                gap = gap - 0.5 * (self.thickness[upper] + self.thickness[lower])
+                wide = gap / min(thinnest[lower], thinnest[upper])
+                joined = seen * np.clip((APART - wide) / (APART - JOINED), 0.0, 1.0)
+                above[lower] += joined
+                below[upper] += joined
+                between = np.maximum(between, self.part[upper])
+        return below, above
+
+
+def inner_parts(
+    shares: csr_array, ply: np.ndarray, part: np.ndarray, facing: np.ndarray
+) -> np.ndarray:
+    """Return the part of each element's face that faces another ply (E,).
+
+    Parameters
+    ----------
+    shares, ply : as of :meth:`PliesInColumns.of_elements`.
+    part, facing : parts of the columns that the plies cover, and in which they face another ply,
+        (P, C).
+    """
+    of_ply = np.divide(facing, part, out=np.zeros_like(part), where=part > 0.0)
+    entries = shares.tocoo()
+    element, column = entries.coords
+    seen = entries.data * of_ply[ply[element], column]
+    total = np.bincount(element, entries.data, minlength=ply.size)
+    found = np.bincount(element, seen, minlength=ply.size)
+    return np.divide(found, total, out=np.zeros_like(total), where=total > 0.0)

@@ -1,8 +1,8 @@
-"""Compaction of plies on each other: all bear one pressure, and their thicknesses add up.
+"""Compaction of plies on each other, and of the textile of a formed part.
 
-Springs in series. The thickness of a stack under a pressure P is h(P) = Σ t_i(P), where each ply
-has its own law, its own fibres per area and its own memory. h falls with P: a thickness of the
-stack stands for one pressure, which Newton's iteration within bounds finds. The compliances add up,
+Plies are springs in series: all bear one pressure P, and their thicknesses add up, h(P) = Σ t_i(P).
+Each ply has its own law, fibres per area and history. h falls with P, so that a thickness of the
+stack belongs to one pressure, which Newton's iteration within bounds finds. The compliances add up,
 dh/dP = Σ dt_i/dP.
 """
 
@@ -10,18 +10,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.solids.compaction_law import MOST_ITERATIONS, ROUND_OFF, CellCompaction
-from lcmchain.errors import SimulationError
+from lcmchain.errors import InputError, SimulationError
+from lcmchain.mapping.plies import SHARE
+from lcmchain.materials.law import Material, couples_shear
+from lcmchain.materials.pressure_table import PressureTable
+from lcmchain.materials.shear_compaction import coupling_of, free_stretch
+from lcmchain.scene.reading.single_tables import formed_material, formed_plies
+
+#: A ply that covers all of a cell but for rounding covers all of it.
+WHOLE = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
 class PressedPly:
     """A ply in the cells that it covers.
 
-    name : for messages. law : of those cells alone. cells : their rows in the stack.
+    Parameters
+    ----------
+    name : for messages.
+    law : of these cells alone.
+    cells : their rows in the stack.
     """
 
     name: str
@@ -30,12 +44,12 @@ class PressedPly:
 
 
 class StackCompaction:
-    """Compaction law of C cells of several plies; answers as :class:`CellCompaction` does.
+    """Compaction law of C cells of several plies; a :class:`.CompactionLaw`.
 
     Parameters
     ----------
-    plies : of the stack; a cell may lack some of them, and needs one.
-    count : of the cells.
+    plies : of the stack. Not every ply covers every cell, but one at least does.
+    count : number of cells C.
     """
 
     def __init__(self, plies: Sequence[PressedPly], count: int) -> None:
@@ -45,7 +59,7 @@ class StackCompaction:
 
     @property
     def history(self) -> np.ndarray:
-        """What the laws of all plies remember, one ply after the other, in one row."""
+        """Histories of the laws of all plies in one row, ply after ply."""
         return np.concatenate([ply.law.history.ravel() for ply in self.plies])
 
     @history.setter
@@ -58,7 +72,7 @@ class StackCompaction:
 
     @property
     def thinnest(self) -> np.ndarray:
-        """Thickness (C,) [m] at which the weakest ply bears all that its law gives."""
+        """Thickness (C,) [m] at which the weakest ply bears its largest pressure."""
         return self._summed(self._thicknesses(self._largest_pressure()))
 
     def least_gap(self, offset: np.ndarray | float) -> float:
@@ -122,13 +136,13 @@ class StackCompaction:
         return [ply.law.thickness_under(pressure[ply.cells]) for ply in self.plies]
 
     def _shared(self, thickness: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the pressure of a thickness (C,) and what the plies have of it, each in its cells.
+        """Return the pressure at a thickness (C,) [m], and the thickness of each ply in its cells.
 
-        Newton's iteration on the thicknesses of all plies at once, from the one where all are
-        compressed by the same part. As the pressure of a textile grows about exponentially, a ply
-        is taken to become thinner by ln P; where a fluid lifts it, by P. Plies that are together
-        too thick hold one that bears less than all will, which bounds the pressure from below, and
-        the other way round.
+        Newton's iteration on the thicknesses of all plies at once begins where all are compressed
+        by the same share. As the pressure of a textile grows about exponentially, a step is linear
+        in ln P; where a fluid lifts the plies, in P. Where the plies together are too thick, one of
+        them bears less than the final pressure, which bounds it from below; where they are too
+        thin, the other way round.
 
         Raises
         ------
@@ -173,14 +187,16 @@ class StackCompaction:
         bounds: tuple[np.ndarray, np.ndarray],
         wanted: np.ndarray,
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return what :meth:`_shared` does, by iteration on the one pressure of a cell.
+        """Return what :meth:`_shared` returns, by iteration on the common pressure of a cell.
 
-        Each ply has the thickness that it has under this pressure. That takes longer, and is not
-        disturbed by the end of a law, where its pressure hardly grows any more.
+        Each ply has its thickness under this pressure. This takes longer, but works near the end of
+        a law too, where its pressure hardly grows any more.
 
         Parameters
         ----------
-        pressure : to begin with, and to keep where it is not ``wanted`` (C,). bounds : of it.
+        pressure : to begin with, and to keep where it is not ``wanted`` (C,).
+        bounds : of the pressure (C,) each.
+        wanted : cells that are iterated (C,).
         """
         low, high = np.where(np.isfinite(bounds[0]), bounds[0], 0.0), bounds[1]
         pressure = np.where(wanted, 0.5 * (low + high), pressure)
@@ -207,11 +223,14 @@ class StackCompaction:
         gives: list[np.ndarray],
         bounds: tuple[np.ndarray, np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the pressures (C,) of a step, and by how much it makes each ply thicker.
+        """Return the pressures (C,) [Pa] of a step, and the change of each ply's thickness [m].
 
-        pressed : cells that change by the logarithm (C,). too_thick : sum of the plies over the
-        thickness that they are to have (C,) [m]. borne, gives : pressure and compliance of every
-        ply [Pa, m/Pa]. bounds : of the pressure (C,) [Pa].
+        Parameters
+        ----------
+        pressed : cells whose step is linear in the logarithm of the pressure (C,).
+        too_thick : sum of the plies less the thickness that they are to have (C,) [m].
+        borne, gives : pressure [Pa] and compliance [m/Pa] of every ply in its cells.
+        bounds : of the pressure (C,) [Pa].
         """
         rows = [ply.cells for ply in self.plies]
         level = [np.where(pressed[c], np.log(np.where(pressed[c], p, 1.0)), p)
@@ -257,3 +276,102 @@ class StackCompaction:
         for ply, values in zip(self.plies, of_plies, strict=True):
             total[ply.cells] += values
         return total
+
+
+# --- the law of a formed part ---------------------------------------------------------------------
+
+
+def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
+    """Return the compaction law of a formed part's cells, by the scene that formed it.
+
+    A sheared cell has more fibres per area, and bears a pressure as a sheet of smaller area does.
+    Each ply of a stack has a law of its own. The history of the forming (a permanent set) is not
+    in the file: the laws begin without.
+
+    Raises
+    ------
+    InputError : the file does not hold its scene, or has a ply that its scene does not have.
+    """
+    text = part.dataset.attrs.get("scene")
+    if not text:
+        raise InputError(
+            "does not hold the scene that formed it, whose compaction law a closure needs; start "
+            "from a forming result of lcmchain run, or a file mapped from one",
+            file=part.file,
+        )
+    fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
+    if part.ply_names:
+        return _of_stack(part, str(text), thickness)
+    material = at_rest(formed_material(str(text)))
+    return of_cells(material, material.fibre_density * fraction * thickness)
+
+
+def at_rest(table: Any) -> Material:
+    """Return the law of a material's table for pure pressing: without friction and rates."""
+    for has_effect, without in (
+        ("resists_rates", "without_rates"),
+        ("shear_rubs", "without_shear_friction"),
+        ("bending_rubs", "without_bending_friction"),
+        ("bending_resists_rates", "without_viscous_bending"),
+    ):
+        if getattr(table, has_effect):
+            table = getattr(table, without)()
+    law: Material = table.build()
+    return law
+
+
+def _of_stack(part: FormedPart, text: str, thickness: np.ndarray) -> StackCompaction:
+    """Return the law of plies on each other, from their shares of the thickness (C,) [m].
+
+    The mapping treats a ply that covers a part of a cell as a thinner ply in the whole cell.
+    """
+    tables = formed_plies(text)
+    names = part.ply_names
+    shares = np.stack([np.nan_to_num(part.cell(f"{SHARE}{name}")) for name in names])
+    thicknesses = np.stack([part.cell(f"{name}_thickness") for name in names])
+    cover = np.where(shares > 0.0, shares / thicknesses, 0.0)
+    cover = cover / cover.max(axis=0)
+    cover = np.where(cover >= WHOLE, 1.0, cover)
+    plies = []
+    for name, share, covered in zip(names, shares, cover, strict=True):
+        if name not in tables:
+            raise InputError(
+                f'has the ply "{name}", but the scene in it has only {", ".join(tables)}; the '
+                "compaction law of a ply is that of the scene: form the stack again",
+                file=part.file,
+            )
+        cells = np.flatnonzero(covered > 0.0)
+        material = at_rest(tables[name])
+        fraction = part.cell(f"{name}_fibre_volume_fraction")
+        areal_mass = material.fibre_density * fraction * share * thickness
+        law = of_cells(material, areal_mass[cells], covered[cells])
+        plies.append(PressedPly(name, law, cells))
+    return StackCompaction(plies, len(thickness))
+
+
+def of_cells(
+    material: Material, areal_mass: np.ndarray, covered: np.ndarray | float = 1.0
+) -> CellCompaction:
+    """Return the law of the cells of a sheared sheet.
+
+    Fibres that keep their length leave a sheared cell cos γ of its area. Where the thickness
+    depends on the shear, the law is that of a sheet that is thicker by 1/cos^β γ, on an area that
+    is larger by the same factor. A table does not scale like that: it is evaluated at the shear of
+    every cell.
+
+    Parameters
+    ----------
+    areal_mass : mass of the fibres per present area (C,) [kg/m²].
+    covered : part of each cell that the sheet covers, (C,) or one number.
+    """
+    area = material.areal_mass / areal_mass
+    thicker, shear = np.ones(len(areal_mass)), None
+    if couples_shear(material):
+        shear = np.sqrt(np.maximum(1.0 - area**2, 0.0))
+        thicker = free_stretch(material, shear)
+    return CellCompaction(
+        material,
+        material.thickness * covered * thicker,
+        area_stretch=covered * area * thicker,
+        shear=shear if isinstance(coupling_of(material), PressureTable) else None,
+    )

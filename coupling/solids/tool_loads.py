@@ -1,9 +1,9 @@
-"""What tools press with while a sheet is full of fluid, split into what bears it.
+"""Forces of tools on a sheet with fluid, split into those of fibres, fluid and friction.
 
-At a node in contact the tool's force is in balance with that of the fibres (internal forces of the
-elements), of the pore pressure, of pressures on faces, and with inertia and damping. Each part is
-the force along the tool's normal at the node, summed over the nodes in contact; friction is what
-the tool drags with across its normals.
+At a node in contact the force of the tool is in balance with that of the fibres (internal forces of
+the elements), of the pore pressure, of pressures on faces, and with inertia and damping. Each share
+is the force along the tool's normal at the node, summed over the nodes in contact. Friction is the
+force of the tool across its normals.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from lcmchain.tools.distance import signed_distance
 
 
 class ToolLoad(NamedTuple):
-    """Force of the sheet on a tool at the last step and its parts, vectors (3,) [N].
+    """Force of the sheet on a tool at the last step and its shares, vectors (3,) [N].
 
-    ``total`` is their sum; ``rest`` is inertia, damping and the pressure on faces.
+    ``total`` is their sum. ``rest`` is inertia, damping and the pressure on faces.
     """
 
     total: np.ndarray
@@ -44,7 +44,7 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
     fluid = _fluid_forces(model, position, state.pore_pressure)
     loads, works = {}, model.tools_at_work(simulation.time)
     for tool, name in enumerate(model.tool_names):
-        if not works[tool]:  # one that is away may still stand where others touch the sheet
+        if not works[tool]:  # a tool that is away may still be where others touch the sheet
             loads[name] = ToolLoad(*(np.zeros(3) for _ in ToolLoad._fields))
             continue
         travel = state.tool_travel[tool] - state.last_step * state.tool_velocity[tool]
@@ -58,7 +58,9 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
     return loads
 
 
-def _contact_normals(simulation, tool: int, position: np.ndarray, travel: float) -> np.ndarray:
+def _contact_normals(
+    simulation: Simulation, tool: int, position: np.ndarray, travel: float
+) -> np.ndarray:
     """Return the tool's normals at the nodes that it touches (3, node_count), 0 at the others."""
     model = simulation.model
     normal = np.zeros_like(position)
@@ -85,12 +87,12 @@ def _normals(tools, tool, position, offset, travel, contact_force, normal):
 
 
 def _along(normal: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return the sum of the parts of forces (3, node_count) along the normals (3,) [N]."""
+    """Return the sum of the components of forces (3, node_count) along the normals (3,) [N]."""
     return np.sum(normal * np.sum(normal * force, axis=0), axis=1)
 
 
 def fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
-    """Return what the elements exert on the nodes (3, node_count) [N]."""
+    """Return the forces of the elements on the nodes (3, node_count) [N]."""
     model, history = simulation.model, simulation.state.history.copy()
     corner = np.zeros(model.corner_force_size)
     for body in model.placed:
@@ -104,7 +106,7 @@ def fibre_forces(simulation: Simulation, position: np.ndarray) -> np.ndarray:
 
 
 def _fluid_forces(model: Model, position: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-    """Return what the pore pressure exerts on the nodes (3, node_count) [N]."""
+    """Return the forces of the pore pressure on the nodes (3, node_count) [N]."""
     if model.pore is None:
         return np.zeros_like(position)
     corner = np.zeros(model.corner_force_size)

@@ -1,4 +1,4 @@
-"""A forming run with resin in its sheet: both parts, what they exchange, and what is kept."""
+"""A forming run with resin in its sheet: both parts, their exchanges, and the record."""
 
 from __future__ import annotations
 
@@ -27,20 +27,18 @@ from lcmchain.coupling.iteration import (
     iqn_ils,
 )
 from lcmchain.coupling.iteration.interface import (
+    POINTS,
     PRESSURE_AT_REST,
     RESISTANCE,
     VOLUME,
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
-from lcmchain.coupling.solids.fields import POINTS
 from lcmchain.coupling.solids.stack import StackForming, forming_of_scene
 from lcmchain.coupling.solids.tool_loads import tool_loads
-from lcmchain.coupling.wet_forming.moving_permeability import (
+from lcmchain.coupling.wet_forming.sheet import (
     MovingPermeability,
     MovingStack,
     WithinWindow,
-)
-from lcmchain.coupling.wet_forming.sheet import (
     fibre_fractions,
     law_of_scene,
     part_of_sheet,
@@ -53,17 +51,18 @@ from lcmchain.scene.resin_stages import ResinStage, resin_stages
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.tools.motion import FIXED
 
-#: Windows of a process where its scene does not say; they may become so much shorter and longer.
+#: Default number of windows of a process, and the factors by which windows may shrink and grow.
 WINDOWS = 400
 SHORTEST = 1.0 / 64.0
 LONGEST = 4.0
-#: Of the pores of a control volume, where the last air closes: tools press whole regions full.
+#: Excess of resin over the pores of a control volume when its last air leaves: tools press whole
+#: regions full at once.
 LARGEST_EXCESS = 0.01
-#: A difference of pressures [Pa] that moves no textile: a tenth of a millibar.
+#: Difference of pressures [Pa] that does not move a textile: a tenth of a millibar.
 NO_PRESSURE = 10.0
-#: Of the time of the resin: by so much is a saved state later at whose time its clock stood.
+#: Shift of a saved state in time where the clock of the resin has not gone on, over its whole time.
 STANDING_CLOCK = 1e-9
-#: Of a time: by so much the clocks of sheet and resin may differ.
+#: Relative difference between the clocks of sheet and resin that is rounding.
 ROUNDING = 1e-9
 
 
@@ -117,14 +116,14 @@ class WetForming:
         self._open_faces()
 
     def _part(self, snapshots: list[Snapshot], points: np.ndarray) -> FormedPart:
-        """Return what is formed in the last of saved states, which is the present."""
+        """Return the sheet or stack in the last of saved states, which is the present."""
         if isinstance(self.forming, StackForming):
             return part_of_stack(self.scene, self.forming, snapshots, points, self._law)
         return part_of_sheet(self.scene, self.simulation, snapshots, points)
 
     @property
     def history(self) -> History:
-        """How the windows converged."""
+        """Convergence of the windows."""
         return self._system.history
 
     def advance_to(
@@ -150,7 +149,7 @@ class WetForming:
         while self._now < time:
             stage = self._next_stage
             if self._is_behind and self._now == stage.start:
-                self._join()  # it was stopped where a stage without flow ended
+                self._join()  # the run was stopped at the end of a stage without flow
             until = min(time, stage.end)
             if stage.flows:
                 if self._now == stage.start:
@@ -164,7 +163,7 @@ class WetForming:
             self._join()
 
     def _open_faces(self) -> None:
-        """Tell the filling where no tool keeps air out of the sheet at present."""
+        """Tell the filling which nodes are open to the air at present, not covered by tools."""
         if not self._faces_are_open:
             return
         cells = self.filling.mesh.cells[~self.forming.covered()]
@@ -174,7 +173,7 @@ class WetForming:
 
     @property
     def _is_behind(self) -> bool:
-        """Whether the sheet has gone on without the resin."""
+        """Whether the sheet is ahead of the resin, after a stage without flow."""
         now = self.simulation.time
         return now - self._system.time > ROUNDING * now
 
@@ -184,22 +183,22 @@ class WetForming:
 
     @property
     def _next_stage(self) -> ResinStage:
-        """The stage that the next step belongs to; the last one at the end."""
+        """Stage of the next step; the last one at the end."""
         now = self._now
         return next((stage for stage in self.stages if now < stage.end), self.stages[-1])
 
     @property
     def _stage_number(self) -> int:
-        """Number of the stage that the present belongs to; a border to the one that ends there."""
+        """Number of the present stage; at a border the one that ends there."""
         now = self._now
         ended = sum(stage.end < now for stage in self.stages)
         return min(ended, len(self.stages) - 1)
 
     def _join(self) -> None:
-        """Bring the resin to where the sheet has gone without it; its own clock stands.
+        """Move the resin with the sheet after a stage without flow; its own clock stands.
 
         In a stage that ends at rest the resin has the pressure of the surroundings and stays with
-        the textile. Done twice it changes nothing.
+        the textile. A second call changes nothing.
 
         Raises
         ------
@@ -224,7 +223,7 @@ class WetForming:
             self._note()
 
     def keep_frame(self) -> None:
-        """Keep the filling's fields of the present; of a stage without flow those of its end."""
+        """Record the present fields of the filling; of a stage without flow those at its end."""
         if not self.record.time:
             self._note()
         stage, now = self._next_stage, self._now
@@ -233,7 +232,7 @@ class WetForming:
             set_apart(self.record.frame_time, self.case.time)
 
     def force(self) -> tuple[float, ...]:
-        """Return the force of the tools that move, along their ways, and its parts [N].
+        """Return the force of moving tools along their directions, and its shares [N].
 
         In the order of :data:`~lcmchain.coupling.infiltration.results.FORCES`.
         """
@@ -246,7 +245,7 @@ class WetForming:
         return tuple(float(value) for value in total)
 
     def write_checkpoint(self, folder: Path, step_count: int) -> None:
-        """Write the whole state and what was kept so far."""
+        """Write the whole state and the record so far."""
         path = checkpoint_file(folder, step_count)
         write_checkpoint(path, self._fingerprint, self._system.save(), self.record)
 
@@ -257,7 +256,7 @@ class WetForming:
                 path.unlink(missing_ok=True)
 
     def restore_checkpoint(self, folder: Path, step_count: int) -> None:
-        """Go back to a state that was written; going on from it is bit-identical.
+        """Go back to the state in a file; going on from it is bit-identical.
 
         Raises
         ------
@@ -270,7 +269,7 @@ class WetForming:
         self._open_faces()
 
     def filled(self, snapshots: list[Snapshot]) -> FilledPart:
-        """Return how the sheet has filled, on its shape in the last of the saved states."""
+        """Return the results of the filling, on the shape of the last saved state."""
         points = self.filling.mesh.points
         part = self._part([snapshots[0], snapshots[-1]], points)
         state, medium = self.filling.state, self.filling.medium
@@ -299,8 +298,8 @@ def coupled(
 ) -> CoupledSystem:
     """Return the system of a sheet and its resin, for a process of this time [s].
 
-    The resin takes the answer of the sheet into its equations (fixed-stress split), the sheet that
-    of the resin as a resistance; what is left is found by a quasi-Newton iteration.
+    The equations of the resin contain the compliance of the sheet (fixed-stress split), those of
+    the sheet the reaction of the resin as a resistance. A quasi-Newton iteration finds the rest.
     """
     with_forming = case.with_forming
     assert with_forming is not None
@@ -326,9 +325,9 @@ def coupled(
 
 
 def set_apart(times: list[float], whole: float) -> None:
-    """Let the last of times [s] be later than the one before, where the resin's clock stood.
+    """Shift the last of times [s] by a negligible part, where it equals the one before.
 
-    whole : time of the whole infiltration [s], of which it is later by a part that nobody notices.
+    whole : time of the whole infiltration [s].
     """
     if len(times) > 1 and times[-1] <= times[-2]:
         times[-1] = times[-2] + STANDING_CLOCK * whole

@@ -46,7 +46,7 @@ def verify_hard_cases(
     out: MarkdownFile = None,
 ) -> None:
     """Run the hard cases and print criterion, result and margin of each."""
-    import lcmchain.coupling.hard_cases  # noqa: F401  puts those of the coupling on the list
+    import lcmchain.coupling.iteration.hard_cases  # noqa: F401  puts its cases on the list
     from lcmchain.verification.hard_cases import run_cases
 
     with progress_bar() as progress:

@@ -36,8 +36,8 @@ NEVER_COMPILED = (
     "run_account.py", "run_files.py", "summary.py",
     "commands", "coupons", "identification", "judgements", "manual", "pattern", "report", "results",
     "statics", "study", "verification", "fmu", "mapping/formats", "mapping/structure",
-    "coupling/closing", "coupling/cosimulation", "coupling/hard_cases", "coupling/iteration",
-    "coupling/precice_adapter", "coupling/wet_forming",
+    "coupling/mould.py", "coupling/cosimulation", "coupling/iteration", "coupling/precice_adapter",
+    "coupling/wet_forming",
 )  # fmt: skip
 
 HASH_LENGTH = 20

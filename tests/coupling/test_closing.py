@@ -7,13 +7,13 @@ import pytest
 import xarray as xr
 from scipy.integrate import solve_ivp
 
-from lcmchain.coupling.closing.mould import Mould
-from lcmchain.coupling.closing.textile import compaction_of, of_cells
 from lcmchain.coupling.infiltration.flow.time_step import TimeStep
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
+from lcmchain.coupling.mould import Mould
 from lcmchain.coupling.solids.closures import Bag
+from lcmchain.coupling.solids.stack_compaction import compaction_of, of_cells
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh

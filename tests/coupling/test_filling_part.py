@@ -18,10 +18,9 @@ from lcmchain.coupling.iteration import (
     fixed_stress_exchanges,
     iqn_ils,
 )
-from lcmchain.coupling.iteration.interface import PORE_PRESSURE, VOLUME_RATE
+from lcmchain.coupling.iteration.interface import POINTS, PORE_PRESSURE, VOLUME_RATE
 from lcmchain.coupling.solids.closures import Bag, Gap
 from lcmchain.coupling.solids.compaction_law import CellCompaction
-from lcmchain.coupling.solids.fields import POINTS
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text

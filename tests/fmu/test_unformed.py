@@ -19,7 +19,7 @@ from lcmchain.coupling.infiltration.formed_part import unformed_part
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, map_and_fill
 from lcmchain.coupling.precice_adapter.case import read_case
-from lcmchain.coupling.precice_adapter.parts import build_part
+from lcmchain.coupling.precice_adapter.run import build_part
 from lcmchain.errors import InputError
 from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
 from lcmchain.mapping import MappingOptions

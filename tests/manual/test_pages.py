@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import typer
 
-import lcmchain.coupling.hard_cases  # noqa: F401  puts those of the coupling on the list
+import lcmchain.coupling.iteration.hard_cases  # noqa: F401  puts its cases on the list
 from lcmchain.cli import app
 from lcmchain.fields.table import FIELDS
 from lcmchain.manual.contents import FOLDER, TOPICS, read_pages

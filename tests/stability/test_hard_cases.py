@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-import lcmchain.coupling.hard_cases  # noqa: F401  puts those of the coupling on the list
+import lcmchain.coupling.iteration.hard_cases  # noqa: F401  puts its cases on the list
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.verification.hard_cases import CASES, CaseResult, Report, run_cases

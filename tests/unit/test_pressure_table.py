@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from pydantic import ValidationError
 
-from lcmchain.coupling.closing.textile import of_cells
+from lcmchain.coupling.solids.stack_compaction import of_cells
 from lcmchain.coupons.compaction import compaction
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError, SimulationError

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from lcmchain.check import check_scene
 from lcmchain.compilation.threads import use_threads
-from lcmchain.coupling.closing.textile import at_rest
+from lcmchain.coupling.solids.stack_compaction import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.cantilever import cantilever
 from lcmchain.coupons.off_axis import off_axis

@@ -14,7 +14,7 @@ from without_damping_bound import require_blows_up
 
 from lcmchain.check import check_scene
 from lcmchain.compilation.threads import use_threads
-from lcmchain.coupling.closing.textile import at_rest
+from lcmchain.coupling.solids.stack_compaction import at_rest
 from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.effects.supports import Support

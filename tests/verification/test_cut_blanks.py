@@ -9,8 +9,8 @@ import pytest
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.solids.stack_compaction import compaction_of
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions

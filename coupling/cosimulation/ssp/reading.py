@@ -36,13 +36,13 @@ from lcmchain.coupling.cosimulation.system_file import System, system_from
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
 
-#: Type of the annotation that keeps what SSP has no place for, as JSON.
+#: Type of the annotation that holds, as JSON, the settings that SSP cannot express.
 ANNOTATION = "lcmchain.cosimulation"
-#: Time that a system goes through that does not say when it ends [s].
+#: Simulated time of a system that does not state its end [s].
 LENGTH = 1.0
-#: Windows of a system that does not say how long they are.
+#: Number of windows of a system that does not state its communication step.
 WINDOWS = 500
-#: Attributes by which annotations of other tools give the communication step [s].
+#: Attributes in which annotations of other tools state the communication step [s].
 STEP_SIZES = ("stepSize", "baseStepSize", "initialStepSize", "communicationStepSize")
 
 
@@ -53,11 +53,11 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
 
     Parameters
     ----------
-    folder : an empty one that has to be there as long as the system is used.
+    folder : an empty one to unpack into; it is needed as long as the system is used.
 
     Raises
     ------
-    InputError : no SSP 1.0 or 2.0, damaged, or something in it that is not read; names the archive.
+    InputError : no SSP 1.0 or 2.0, damaged, or with content that is not read; names the archive.
     """
     path = Path(path)
     unpack(path, folder)
@@ -65,11 +65,11 @@ def read_ssp(path: Path | str, folder: Path, overrides: Sequence[str] = ()) -> S
 
 
 def read_ssd(path: Path | str, scratch: Path, overrides: Sequence[str] = ()) -> System:
-    """Return the system of a description that stands alone, beside what would be in the archive.
+    """Return the system of a description without archive; its files lie in the same folder.
 
     Parameters
     ----------
-    scratch : an empty folder to look into the units.
+    scratch : an empty folder to unpack the units into.
 
     Raises
     ------
@@ -84,23 +84,24 @@ def _system(
 ) -> System:
     """Return the system of a description ``structure`` in a folder; ``path`` is for messages."""
     try:
-        data, found = _tables(folder, structure, scratch, path)
+        data, parsed = _tables(folder, structure, scratch, path)
         system = system_from(data, path, overrides, directory=folder)
     except InputError as error:
         if error.file is not None:
             raise
-        place = f"{error.key}: " if error.key else ""
-        raise InputError(f"{place}{error.message}", file=path) from None
+        key = f"{error.key}: " if error.key else ""
+        raise InputError(f"{key}{error.message}", file=path) from None
     if not any(re.match(r"\s*window(\.size)?\s*=", text) for text in overrides):
-        found.remarks.append(found.window_remark)
+        parsed.remarks.append(parsed.window_remark)
     if not any(re.match(r"\s*stop_time\s*=", text) for text in overrides):
-        found.remarks.append(found.end_remark)
-    system._remarks.extend(text for text in found.remarks if text)
-    system._measures.update(found.measures)
+        parsed.remarks.append(parsed.end_remark)
+    system._remarks.extend(text for text in parsed.remarks if text)
+    system._measures.update(parsed.measures)
     return system
 
 
 def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[str, Any], Structure]:
+    """Return the tables of a system's file and the structure that they are made from."""
     root = _load(folder, name, path)
     structure = read_structure(root, lambda name: _load(folder, name, path))
     if not structure.sources:
@@ -137,17 +138,17 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
 
 
 def _window(root: Element, data: dict[str, Any], structure: Structure) -> str:
-    """Return the communication step: what an annotation says, or a part of the whole time."""
-    found = _step_sizes(root)
-    told = ", ".join(f"{size:g} s ({where})" for size, where in found)
-    if found:
-        taken = min(size for size, _ in found)
-        if len({size for size, _ in found}) > 1:
+    """Return the communication step: from an annotation, or a fraction of the whole time."""
+    stated = _step_sizes(root)
+    if stated:
+        smallest = min(size for size, _ in stated)
+        if len({size for size, _ in stated}) > 1:
+            steps = ", ".join(f"{size:g} s ({where})" for size, where in stated)
             structure.window_remark = (
-                f"the archive gives more than one communication step: {told}; the smallest is "
+                f"the archive gives more than one communication step: {steps}; the smallest is "
                 "taken, --set window=... another one"
             )
-        return f"{taken!r} s"
+        return f"{smallest!r} s"
     length = _seconds(data.get("stop_time", "1 s")) - _seconds(data.get("start_time", "0 s"))
     window = f"{length / WINDOWS!r} s"
     structure.window_remark = (
@@ -158,9 +159,9 @@ def _window(root: Element, data: dict[str, Any], structure: Structure) -> str:
 
 
 def _step_sizes(root: Element) -> list[tuple[float, str]]:
-    """Return communication steps [s] in annotations of the whole system, and what says so."""
+    """Return communication steps [s] in annotations of the whole system, and who states them."""
     owners = [root, *root.findall(f"{SSD}DefaultExperiment"), *root.findall(f"{SSD}System")]
-    found = []
+    steps = []
     for owner in owners:
         for annotation in owner.findall(f"{SSD}Annotations/{SSC}Annotation"):
             for element in annotation.iter():
@@ -168,8 +169,8 @@ def _step_sizes(root: Element) -> list[tuple[float, str]]:
                     size = _positive(element.get(key))
                     if size is not None:
                         name = element.tag.rpartition("}")[2]
-                        found.append((size, f"{key} of {name}, {annotation.get('type', '')}"))
-    return found
+                        steps.append((size, f"{key} of {name}, {annotation.get('type', '')}"))
+    return steps
 
 
 def _positive(text: str | None) -> float | None:
@@ -196,7 +197,7 @@ def _described(folder: Path, source: str, scratch: Path) -> UnitDescription:
 
 
 def _unit_names(structure: Structure) -> dict[Place, str]:
-    """Return names of units that the file of a system takes."""
+    """Return names of the components that are valid for units in the file of a system."""
     names: dict[Place, str] = {}
     for place in structure.sources:
         name = re.sub(r"[^A-Za-z0-9_-]", "_", "_".join(place))
@@ -211,20 +212,21 @@ def _unit_names(structure: Structure) -> dict[Place, str]:
 
 
 def _experiment(root: Element, structure: Structure) -> dict[str, Any]:
+    """Return begin and end of the simulation."""
     experiment = root.find(f"{SSD}DefaultExperiment")
-    found = {}
+    times = {}
     for key, name in (("start_time", "startTime"), ("stop_time", "stopTime")):
         value = None if experiment is None else experiment.get(name)
         if value is not None:
-            found[key] = f"{value} s"
-    if "stop_time" not in found:
-        end = f"{_seconds(found.get('start_time', '0 s')) + LENGTH!r} s"
-        found["stop_time"] = end
+            times[key] = f"{value} s"
+    if "stop_time" not in times:
+        end = f"{_seconds(times.get('start_time', '0 s')) + LENGTH!r} s"
+        times["stop_time"] = end
         structure.end_remark = (
             f"the archive does not say when it ends; {end} is taken, --set stop_time=... another "
             "time"
         )
-    return found
+    return times
 
 
 def _seconds(text: str) -> float:
@@ -244,14 +246,14 @@ def _require_sizes(structure: Structure, descriptions: dict[Place, UnitDescripti
         description = descriptions[place]
         variable = description.variables.get(name)
         if variable is None or None in sizes:
-            continue  # nothing that is used, or left open
-        found = [
+            continue  # not used, or a size is left open
+        stated = [
             size if isinstance(size, int) else _size_in(description, str(size)) for size in sizes
         ]
-        stated = " x ".join(map(str, found))
-        if math.prod(found) != variable.size:
+        if math.prod(stated) != variable.size:
             raise InputError(
-                f"the connector {node_text((place, name))} is an array of {stated}, but the "
+                f"the connector {node_text((place, name))} is an array of "
+                f"{' x '.join(map(str, stated))}, but the "
                 f"variable of its unit has {variable.size} values; {_remedy(variable)}"
             )
 
@@ -278,14 +280,14 @@ def _size_in(description: UnitDescription, owner: str) -> int:
 def _links(
     structure: Structure, names: dict[Place, str], descriptions: dict[Place, UnitDescription]
 ) -> dict[str, dict[str, Any]]:
-    """Return connections by their link; those of all values of two fields become one."""
+    """Return the tables of connections by link; those of all scalars of two fields become one."""
     single: dict[tuple[Node, Node], dict[str, Any]] = {}
     for start, end, step in structure.links():
         if start[0] not in structure.sources:
-            continue  # an input of the whole system, which is a start value or nothing
-        carried = structure.not_exchanged.get(start) or structure.not_exchanged.get(end)
-        if carried is not None:
-            what = "binary values" if carried == "Binary" else "the ticks of a clock"
+            continue  # an input of the whole system, which may have a start value
+        kind = structure.not_exchanged.get(start) or structure.not_exchanged.get(end)
+        if kind is not None:
+            what = "binary values" if kind == "Binary" else "the ticks of a clock"
             structure.remarks.append(
                 f"the connection from {node_text(start)} to {node_text(end)} carries {what}, which "
                 "lcmchain cosim does not exchange: it is left out"
@@ -320,7 +322,7 @@ def _links(
 def _fields(
     start: Node, end: Node, descriptions: dict[Place, UnitDescription]
 ) -> tuple[Node, Node] | None:
-    """Return the fields of FMI 2 that a connection of two values with the same index belongs to."""
+    """Return the fields of FMI 2 that a connection belongs to, of scalars with the same index."""
     one, other = _field(start, descriptions), _field(end, descriptions)
     if one is None or other is None or _index(start) != _index(end):
         return None
@@ -328,7 +330,7 @@ def _fields(
 
 
 def _field(node: Node, descriptions: dict[Place, UnitDescription]) -> str | None:
-    """Return the field of FMI 2 that a scalar is a value of."""
+    """Return the field of FMI 2 that a scalar belongs to."""
     description = descriptions[node[0]]
     name = node[1].partition("[")[0]
     return name if node[1] in description.elements and name in description.variables else None
@@ -375,8 +377,10 @@ def _starts(
     return starts
 
 
-def _start(given: Given, text: str, node: Node, variable: Variable) -> Any:
-    """Return a value, or one of an array, as it stands in the file of a system."""
+def _start(
+    given: Given, text: str, node: Node, variable: Variable
+) -> bool | int | str | dict[str, float]:
+    """Return a value, or one of an array, as the file of a system states it."""
     if given.kind != "Real":
         return value_of_text(given, text, node_text(node))
     try:
@@ -385,18 +389,18 @@ def _start(given: Given, text: str, node: Node, variable: Variable) -> Any:
         raise InputError(f'the value of {node_text(node)}, "{text}", is no {given.kind}') from None
     if not given.unit:
         return {"value": number}  # in the unit of the variable
-    own = given.measure
-    if own is None or is_usual(own):
+    unit = given.measure
+    if unit is None or is_usual(unit):
         return f"{number!r} {given.unit}"
-    # what the name means to the archive alone is told in base units
-    base = "*".join(f"{name}^{power:g}" for name, power in zip(BASE, own.exponents) if power)
-    value = own.factor * number + (0.0 if variable.relative else own.offset)
+    # a name with another meaning in the archive than usual is written in base units
+    base = "*".join(f"{name}^{power:g}" for name, power in zip(BASE, unit.exponents) if power)
+    value = unit.factor * number + (0.0 if variable.relative else unit.offset)
     return f"{value!r} {base}".strip()
 
 
 def _quantities(structure: Structure, place: Place, description: UnitDescription) -> dict[str, str]:
-    """Return units that connectors state for variables to which the unit itself gives none."""
-    found = {}
+    """Return units of measurement of connectors for variables to which the FMU gives none."""
+    quantities = {}
     for (owner, name), unit in structure.connector_units.items():
         variable = description.variables.get(name)
         if owner == place and variable is not None and variable.is_real and variable.unit is None:
@@ -407,12 +411,12 @@ def _quantities(structure: Structure, place: Place, description: UnitDescription
                     f'the unit "{unit}" of {node_text((owner, name))} is not known'
                 )
             else:
-                found[name] = unit
-    return found
+                quantities[name] = unit
+    return quantities
 
 
 def _annotation(root: Element) -> dict[str, Any]:
-    """Return what an export of this program has kept beside the standard."""
+    """Return the settings that an export of this program keeps in an annotation."""
     for annotation in root.findall(f"{SSD}Annotations/{SSC}Annotation"):
         if annotation.get("type") == ANNOTATION:
             text = next((text_of(child) for child in annotation), None)
@@ -426,7 +430,7 @@ def _annotation(root: Element) -> dict[str, Any]:
 
 
 def _merge(data: dict[str, Any], kept: dict[str, Any]) -> None:
-    """Add what an annotation keeps: options of connections and units, scheme, windows, record."""
+    """Add the settings of an annotation: options of connections and units, scheme, windows."""
     for key in ("title", "window", "scheme", "recorder", "unit_tolerance"):
         if key in kept:
             data[key] = kept[key]

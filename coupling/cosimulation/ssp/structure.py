@@ -6,7 +6,6 @@ import math
 import posixpath
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
@@ -36,13 +35,13 @@ FMU_TYPE = "application/x-fmu-sharedlibrary"
 
 
 _WHOLE = tuple(f"{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64))
-#: What the types of a value or connector are here; those of FMI 3 came with SSP 2.0.
+#: Types of a value or connector, by those in the files; the types of FMI 3 came with SSP 2.0.
 KINDS = {
     **dict.fromkeys(("Real", "Float64", "Float32"), "Real"),
     **dict.fromkeys(("Integer", *_WHOLE), "Integer"),
     **{kind: kind for kind in ("Boolean", "String", "Enumeration", "Binary", "Clock")},
 }
-#: Types that nothing is exchanged of.
+#: Types whose values are not exchanged.
 NOT_EXCHANGED = ("Binary", "Clock")
 
 #: Numbers of the items of an enumeration, by its name and theirs.
@@ -105,9 +104,9 @@ def given_of(parameter: Element, measures: Mapping[str, PhysicalUnit], items: It
 
 
 def _size(parameter: Element, name: str) -> int | None:
-    """Return the number of entries that the dimensions of a parameter say, None without any."""
+    """Return the number of entries by the dimensions of a parameter; None where it has none."""
     sizes = [dimension.get("size") for dimension in parameter.findall(f"{SSC}Dimension")]
-    if not sizes or None in sizes:  # left open
+    if not sizes or None in sizes:  # a size is left open
         return None
     try:
         return math.prod(int(size or "") for size in sizes)
@@ -115,7 +114,7 @@ def _size(parameter: Element, name: str) -> int | None:
         raise InputError(f'the dimensions of the parameter "{name}" are no whole numbers') from None
 
 
-def value_of_text(given: Given, text: str, what: str) -> Any:
+def value_of_text(given: Given, text: str, what: str) -> bool | int | str:
     """Return a value that is no real number: a text, a switch or a whole number.
 
     what : the parameter, for messages.
@@ -147,11 +146,11 @@ def items_of(element: Element, space: str) -> dict[str, dict[str, int]]:
     ------
     InputError : the value of an item is no whole number.
     """
-    found: dict[str, dict[str, int]] = {}
+    enumerations: dict[str, dict[str, int]] = {}
     for enumeration in element.findall(f"{space}Enumerations/{SSC}Enumeration"):
         name = enumeration.get("name", "")
         try:
-            found[name] = {
+            enumerations[name] = {
                 item.get("name", ""): int(item.get("value", ""))
                 for item in enumeration.findall(f"{SSC}Item")
             }
@@ -159,7 +158,7 @@ def items_of(element: Element, space: str) -> dict[str, dict[str, int]]:
             raise InputError(
                 f'an item of the enumeration "{shortened(name)}" has no whole number'
             ) from None
-    return found
+    return enumerations
 
 
 def measures_of(element: Element, space: str) -> dict[str, PhysicalUnit]:
@@ -167,9 +166,9 @@ def measures_of(element: Element, space: str) -> dict[str, PhysicalUnit]:
 
     Raises
     ------
-    InputError : one whose numbers are none, or whose factor is not positive.
+    InputError : a number is none, or a factor is not positive.
     """
-    found = {}
+    measures = {}
     for unit in element.findall(f"{space}Units/{SSC}Unit"):
         name, base = unit.get("name", ""), unit.find(f"{SSC}BaseUnit")
         if base is None:
@@ -182,12 +181,12 @@ def measures_of(element: Element, space: str) -> dict[str, PhysicalUnit]:
             raise InputError(
                 f'the definition of the unit "{shortened(name)}" is wrong: {error}'
             ) from None
-        found[name] = _as_usual(own)
-    return found
+        measures[name] = _as_usual(own)
+    return measures
 
 
 def _as_usual(own: PhysicalUnit) -> PhysicalUnit:
-    """Return a unit as its name is usually understood where the definition means the same."""
+    """Return the usual unit of this name where the definition means the same, but for rounding."""
     try:
         usual = unit_from_name(own.name)
     except UnitError:
@@ -207,13 +206,13 @@ VERSIONS = ("1.0", "1.1", "2.0")
 
 #: The names of the systems that enclose an element, and its own.
 Path = tuple[str, ...]
-#: A connector of a component or of a system: its place and its name.
+#: A connector: the path of its component or system, and its name.
 Node = tuple[Path, str]
 
 
 @dataclass(frozen=True)
 class Transformation:
-    """What a connection does to a value: unit conversion if wanted, then ``factor v + offset``."""
+    """Change of a value by a connection: unit conversion if wanted, then ``factor v + offset``."""
 
     factor: float = 1.0
     offset: float = 0.0
@@ -226,15 +225,20 @@ class Transformation:
 
 @dataclass
 class Structure:
-    """Components by their paths, what leads where, and the values that are given.
+    """Components by their paths, their connections, and the values of parameters.
 
-    ``sources`` are archives by component; ``edges`` lead from a connector to the one that feeds
-    it. ``values`` come in the order in which later ones replace earlier ones. ``measures`` and
-    ``items`` are the units and enumerations that the structure defines. ``dimensions`` are the
-    sizes that array connectors state: a number, the name of a connector that holds it, or None
-    where it is open. ``not_exchanged`` are connectors of binary values and clocks.
-    ``window_remark`` says what is taken as communication step where the archive leaves that open,
-    ``end_remark`` what as its end.
+    Parameters
+    ----------
+    sources : archives of the units by component.
+    connector_units : units of measurement that connectors state.
+    edges : from a connector to the one that feeds it.
+    values : later ones replace earlier ones.
+    measures, items : units of measurement and enumerations that the structure defines.
+    dimensions : sizes of array connectors: a number, the name of the connector that holds it, or
+        None where it is open.
+    not_exchanged : type of connectors of binary values and clocks.
+    window_remark : on the communication step, where the archive leaves it open.
+    end_remark : on the end of the simulation, likewise.
     """
 
     sources: dict[Path, str] = field(default_factory=dict)
@@ -250,14 +254,14 @@ class Structure:
     end_remark: str = ""
 
     def links(self) -> Iterator[tuple[Node, Node, Transformation]]:
-        """Yield what reaches the connectors of components: from a component, or from a system."""
+        """Yield connections to components, each from a component or from an outer system."""
         for node in self.edges:
             if node[0] in self.sources:
                 start, transformation = self.fed_by(node)
                 yield start, node, transformation
 
     def fed_by(self, node: Node) -> tuple[Node, Transformation]:
-        """Follow connections back to where they begin.
+        """Follow connections back to their begin; return it and the transformation on the way.
 
         Raises
         ------
@@ -438,10 +442,10 @@ def _read_bindings(
 def _mapped(
     given: dict[str, Given], mapping: Element, load: Callable[[str], Element]
 ) -> dict[str, Given]:
-    """Return the values under the names that a mapping gives them."""
+    """Return the values under the names of a mapping."""
     inline = mapping.find(f"{SSM}ParameterMapping")
     root = inline if inline is not None else load(local_name(mapping.get("source", "")))
-    found = {}
+    mapped = {}
     for entry in root.findall(f"{SSM}MappingEntry"):
         value = given.get(entry.get("source", ""))
         if value is None:
@@ -452,12 +456,12 @@ def _mapped(
             value = replace(value, texts=texts)
         if not step.convert_units:
             value = replace(value, unit=None, measure=None)
-        found[entry.get("target", "")] = value
-    return found
+        mapped[entry.get("target", "")] = value
+    return mapped
 
 
 def _place(structure: Structure, path: Path, name: str) -> Node | None:
-    """Return the connector or variable of a hierarchical name below a system or component."""
+    """Return the connector or variable with a hierarchical name below a system or component."""
     if path in structure.sources:
         return path, name
     owners = [p for p in structure.sources if p[: len(path)] == path]
@@ -470,16 +474,16 @@ def _place(structure: Structure, path: Path, name: str) -> Node | None:
 
 
 def local_name(source: str) -> str:
-    """Return the place of a file within the archive.
+    """Return the path of a file within the archive.
 
     Raises
     ------
     InputError : it lies elsewhere.
     """
-    place = urlsplit(source)
-    name = posixpath.normpath(unquote(place.path))
+    address = urlsplit(source)
+    name = posixpath.normpath(unquote(address.path))
     outside = name.startswith(("/", "..")) or "\\" in name or name in (".", "")
-    if place.scheme or place.netloc or outside:
+    if address.scheme or address.netloc or outside:
         raise InputError(
             f'"{shortened(source)}" does not lie in the archive (of a bare .ssd: in its folder); '
             "only what it holds is read"
@@ -487,6 +491,6 @@ def local_name(source: str) -> str:
     return name
 
 
-def text_of(element: Element | None) -> Any:
+def text_of(element: Element | None) -> str | None:
     """Return the text of an element, None where it is absent or empty."""
     return None if element is None or not (element.text or "").strip() else element.text

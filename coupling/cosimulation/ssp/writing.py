@@ -34,11 +34,17 @@ from lcmchain.coupling.cosimulation.start_values import (
     Configuration,
     configure,
     start_values,
+    value_text,
     with_declared_units,
 )
 from lcmchain.coupling.cosimulation.system_file import System
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.cosimulation.variable import STRUCTURAL, TRUTHS, Variable
+from lcmchain.coupling.cosimulation.variable import (
+    STRUCTURAL,
+    TRUTHS,
+    Variable,
+    VariableValues,
+)
 from lcmchain.errors import InputError
 
 #: Versions that are written, the default first.
@@ -51,14 +57,13 @@ _KINDS = ("input", "output", "parameter", "calculatedParameter", STRUCTURAL)
 def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
     """Write a system with its units as an SSP archive.
 
-    Scheme, windows and record, for which the standard has no place, stand in an annotation. A
-    whole field of FMI 2 is a connector for each of its values, one of FMI 3 a connector of its
-    name; between the two a connection names the whole fields, which other tools do not read.
+    An annotation holds scheme, windows and recorder, which the standard cannot express. A field of
+    FMI 2 has a connector for each of its values, an array of FMI 3 has one connector. A connection
+    between a field and an array names both as a whole, which other tools do not read.
 
     Parameters
     ----------
-    version : of the standard. Only 2.0 has arrays: there connectors and values of fields of FMI 3
-        have their dimension, and types are those of FMI 3.
+    version : of the standard. Only 2.0 has arrays with dimensions and the types of FMI 3.
 
     Raises
     ------
@@ -67,7 +72,7 @@ def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
     """
     with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
         units = _units(system, Path(folder))
-        # the standard has no place for a connection of terminals
+        # the standard has no connections of terminals
         system = with_variables(system, {name: unit.description for name, unit in units.items()})
         root = _document(system, units, version)
         with replacing(target) as path, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -79,9 +84,8 @@ def write_ssp(system: System, target: Path, version: Version = "1.0") -> None:
                     shutil.copyfileobj(source, packed)
 
 
-#: Archive, its name in the resources, and description, by the name of the unit.
 class _Unit(NamedTuple):
-    """A unit: its archive, its name in the resources, what it is, and what gives it its sizes."""
+    """A unit: its archive, the name of that in the resources, and what it is configured to."""
 
     file: Path
     source: str
@@ -89,6 +93,7 @@ class _Unit(NamedTuple):
     configuration: Configuration
 
 
+#: Units by their names.
 _Units = dict[str, _Unit]
 
 
@@ -97,16 +102,15 @@ def _units(system: System, folder: Path) -> _Units:
     names: dict[str, str] = {}  # in the resources, by hash
     for number, entry in enumerate(system.units):
         file = system.directory / entry.fmu
-        place = unpack(file, folder / str(number))
-        description = read_description(place, file)
+        description = read_description(unpack(file, folder / str(number)), file)
         with_declared_units(entry.name, description, entry.quantities, system.measures)
         description, configuration = configure(entry.name, description, entry.start)
         content = sha256_of(file)
         name = Path(entry.fmu).name
         if content not in names and name in names.values():
             name = f"{entry.name}.fmu"
-        place_of = names.setdefault(content, name)
-        units[entry.name] = _Unit(file, place_of, description, configuration)
+        source = names.setdefault(content, name)
+        units[entry.name] = _Unit(file, source, description, configuration)
     return units
 
 
@@ -163,7 +167,7 @@ def _used(system: System, units: _Units) -> dict[str, dict[str, Variable]]:
 
 
 def _names(variable: Variable, description: UnitDescription) -> list[str]:
-    """Return the names of its scalars in FMI 2, its own in FMI 3."""
+    """Return the names of the scalars of a field of FMI 2, else the name of the variable."""
     if description.major == 3 or not variable.is_field:
         return [variable.name]
     by_reference = {int(e.references[0]): e.name for e in description.elements.values()
@@ -181,7 +185,8 @@ class _Writer:
 
     Parameters
     ----------
-    description : of its unit. measures : units of measurement that were used, which it adds to.
+    description : of its unit.
+    measures : units of measurement that were used, which it adds to.
     """
 
     version: Version
@@ -189,7 +194,7 @@ class _Writer:
     measures: dict[str, PhysicalUnit]
 
     def connectors(self, component: Element, variables: dict[str, Variable]) -> None:
-        """Add the connectors of variables that have a place in the standard."""
+        """Add the connectors of variables whose causality the standard has."""
         connectors = SubElement(component, f"{SSD}Connectors")
         for variable in variables.values():
             if variable.causality not in _KINDS:
@@ -204,14 +209,14 @@ class _Writer:
         if len(connectors) == 0:
             component.remove(connectors)
 
-    def values(self, component: Element, values: list[tuple[Variable, Any]]) -> None:
+    def values(self, component: Element, settings: list[tuple[Variable, VariableValues]]) -> None:
         """Add start values.
 
         Raises
         ------
         InputError : those of an array differ, and the version has no arrays.
         """
-        if not values:
+        if not settings:
             return
         bindings = SubElement(component, f"{SSD}ParameterBindings")
         inline = SubElement(SubElement(bindings, f"{SSD}ParameterBinding"), f"{SSD}ParameterValues")
@@ -219,9 +224,9 @@ class _Writer:
             SubElement(inline, f"{SSV}ParameterSet", version=self.version, name="start"),
             f"{SSV}Parameters",
         )
-        for variable, given in values:
+        for variable, values in settings:
             names = _names(variable, self.description)
-            entries = list(np.broadcast_to(given, (variable.size,)))
+            entries = list(np.broadcast_to(values, (variable.size,)))
             if self._is_array(variable):
                 self._parameter(parameters, names[0], variable, entries)
                 continue
@@ -239,7 +244,7 @@ class _Writer:
     ) -> None:
         parameter = SubElement(parameters, f"{SSV}Parameter", name=name)
         kind = SubElement(parameter, f"{SSV}{self._type(variable)}")
-        texts = [_text(variable, entry) for entry in entries]
+        texts = [value_text(variable, entry) for entry in entries]
         if variable.is_text and len(texts) > 1:
             for text in texts:
                 SubElement(kind, f"{SSV}Value", value=text)
@@ -268,12 +273,6 @@ class _Writer:
         if variable.is_real and variable.unit is not None:
             element.set("unit", variable.unit.name)
             self.measures.setdefault(variable.unit.name, variable.unit)
-
-
-def _text(variable: Variable, value: Any) -> str:
-    if variable.kind in TRUTHS:
-        return str(bool(value)).lower()
-    return repr(float(value)) if variable.is_real else str(value)
 
 
 def _connections(structure: Element, system: System, units: _Units) -> None:
@@ -311,7 +310,7 @@ def _measures(parent: Element, measures: dict[str, PhysicalUnit]) -> None:
 
 
 def _kept(system: System) -> dict[str, Any]:
-    """Return what the standard has no place for, as tables of a system's file."""
+    """Return the settings that the standard cannot express, as tables of a system's file."""
     window = {key: f"{value!r} s" if key != "residual" else value
               for key, value in system.window.model_dump(exclude_none=True).items()}  # fmt: skip
     return {

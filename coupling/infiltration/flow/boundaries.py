@@ -1,8 +1,8 @@
-"""Where resin enters and air leaves: gates and vents, as they are given and while resin flows.
+"""Gates, where resin enters, and vents, where air leaves: their entries, and their state in a flow.
 
-A gate's nodes pass resin on when their control volumes are full. The resin enters from the gate's
-line: while the front is inside the gate's own control volumes their fill follows the closed
-solution of one-dimensional flow (F² grows linearly), or of radial flow around a hole.
+Resin flows on from a gate when the control volumes of its nodes are full. Before, while the front
+is inside these volumes, their fill follows the closed solution of one-dimensional flow from the
+line of the gate (F² grows linearly), or of radial flow around a hole.
 """
 
 from __future__ import annotations
@@ -48,12 +48,12 @@ class TimeTable:
         object.__setattr__(self, "values", values)
 
     def at(self, time: float) -> float:
-        """Value at a time [s]."""
+        """Return the value at a time [s]."""
         return float(np.interp(time, self.times, self.values))
 
 
 def value_at(quantity: float | TimeTable, time: float) -> float:
-    """Value of a constant or of a table at a time [s]."""
+    """Return the value of a constant or of a table at a time [s]."""
     return quantity.at(time) if isinstance(quantity, TimeTable) else float(quantity)
 
 
@@ -63,9 +63,10 @@ class Schedule:
 
     Parameters
     ----------
-    opens, closes : from and to this time [s].
-    opens_on_arrival, closes_on_arrival : rows of nodes; open only after, and closed after, the
-        front has reached one of them. Empty: no such condition.
+    opens, closes : begin and end [s].
+    opens_on_arrival : rows of nodes; it is closed until the front reaches one of them. Empty: no
+        such condition.
+    closes_on_arrival : rows of nodes; it closes when the front reaches one of them.
     """
 
     opens: float = 0.0
@@ -80,7 +81,10 @@ class Schedule:
             object.__setattr__(self, name, np.atleast_1d(np.asarray(getattr(self, name), np.int64)))
 
     def is_open(self, time: float, fill_time: np.ndarray) -> bool:
-        """Whether it is open at a time [s], given when the front reached the nodes (nan: not)."""
+        """Whether it is open at a time [s].
+
+        fill_time : when the front reached the nodes [s], nan where it has not, (N,).
+        """
         if not self.opens <= time < self.closes:
             return False
         if len(self.opens_on_arrival) and not np.any(fill_time[self.opens_on_arrival] <= time):
@@ -88,11 +92,11 @@ class Schedule:
         return not np.any(fill_time[self.closes_on_arrival] <= time)
 
     def is_apart_from(self, other: Schedule) -> bool:
-        """Whether the clock never has both open."""
+        """Whether both are never open at the same time, by the clock."""
         return self.closes <= other.opens or other.closes <= self.opens
 
     def next_switch(self, time: float) -> float:
-        """The next time [s] at which the clock opens or closes it; inf if there is none."""
+        """Return the next time [s] at which it opens or closes by the clock; inf without one."""
         return min((t for t in (self.opens, self.closes) if t > time), default=np.inf)
 
 
@@ -104,12 +108,12 @@ class Gate:
     ----------
     name : for messages and files.
     nodes : rows, shape (K,).
-    pressure : [Pa], or a table; the only one given, or the largest that a rate gate may need.
-    flow_rate : [m3/s] of all nodes together, or a table; None for a pressure gate.
+    pressure : [Pa], or a table; with a flow rate the largest pressure, None for no limit.
+    flow_rate : of all nodes together [m³/s], or a table; None for a pressure gate.
     schedule : when it is open.
-    radius : of the round hole [m] that the nodes stand for, those that lie in it, or the one
-        next to it. Without it the nodes act as a hole of their own size: one alone has an
-        effective radius of about a fifth of the mesh's edges.
+    radius : of the round hole [m] that the nodes represent: all nodes in it, or the one next to it.
+        Without it the effective hole depends on the mesh: a single node has a radius of about a
+        fifth of the edges.
     """
 
     name: str
@@ -157,20 +161,20 @@ class Vent:
 
 
 def _nodes(name: str, kind: str, nodes: np.ndarray) -> np.ndarray:
-    given = np.atleast_1d(np.asarray(nodes))
-    if given.size and given.dtype.kind not in "iu":
+    rows = np.atleast_1d(np.asarray(nodes))
+    if rows.size and rows.dtype.kind not in "iu":
         raise InputError(
-            f'the {kind} "{name}" takes rows of nodes, whole numbers, not {given.dtype} values; '
+            f'the {kind} "{name}" takes rows of nodes, whole numbers, not {rows.dtype} values; '
             "numpy.flatnonzero makes rows of a mask"
         )
-    rows = np.unique(given.astype(np.int64))
+    rows = np.unique(rows.astype(np.int64))
     if not len(rows):
         raise InputError(f'the {kind} "{name}" has no nodes; it lies outside the mesh')
     return rows
 
 
 def _require_number(what: str, quantity: float | TimeTable | None) -> None:
-    # A table has seen to its values itself.
+    # a table checks its values itself
     if not (quantity is None or isinstance(quantity, TimeTable) or np.isfinite(quantity)):
         raise InputError(f"the {what} is {quantity}, not a finite number")
 
@@ -184,16 +188,21 @@ def _least(quantity: float | TimeTable | None) -> float:
 # --- while resin flows ----------------------------------------------------------------------------
 
 
-#: Of the time in which a volume's pores would flow through it: what a gate floods takes this long.
+#: Time in which a gate floods a volume, over the time in which its pores would flow through it.
 AT_ONCE = 1e-6
 
 
 @dataclass(frozen=True)
 class OpenGate:
-    """A gate that is open: its number, present pressure or rate, and whether it passes resin on.
+    """A gate that is open at present.
 
-    ``contact`` is the conductance from the gate's hole to its nodes, nan without a radius; it is
-    negative where the hole is larger than the effective radius of the nodes.
+    Parameters
+    ----------
+    number : of the gate.
+    pressure, rate : at present [Pa], [m³/s].
+    ready : whether its control volumes are full, so that resin flows on.
+    contact : conductance from the gate's hole to its nodes [m³/(Pa s)], nan without a radius;
+        negative where the hole is larger than the effective radius of the nodes.
     """
 
     number: int
@@ -245,7 +254,7 @@ class Supply:
         return (*self.gates, *self.vents)
 
     def _may_share(self, name: str, place: Gate | Vent) -> bool:
-        """A place may be a gate for some time and a vent for another."""
+        """Whether a node may be in both: as a gate for some time, as a vent for another."""
         other = next(p for p in self._places if p.name == name)
         return other.schedule.is_apart_from(place.schedule)
 
@@ -295,7 +304,7 @@ class Supply:
 
     @property
     def watched(self) -> np.ndarray:
-        """Nodes whose arrival opens or closes something."""
+        """Nodes at which the arrival of the front opens or closes a gate or vent."""
         places = self._places
         rows = [place.schedule.opens_on_arrival for place in places]
         rows += [place.schedule.closes_on_arrival for place in places]
@@ -309,7 +318,7 @@ class Supply:
         return [quantity for quantity in quantities if isinstance(quantity, TimeTable)]
 
     def next_switch(self, time: float) -> float:
-        """The next time [s] at which the clock opens or closes something, or a table bends."""
+        """Return the next time [s] at which a gate or vent opens or closes, or a table bends."""
         places = self._places
         bends = [t for table in self._tables for t in table.times.tolist() if t > time]
         return min(*(place.schedule.next_switch(time) for place in places), *bends, np.inf, np.inf)
@@ -320,7 +329,7 @@ class Supply:
         return changing or any(gate.schedule.opens > time for gate in self.gates)
 
     def longest_step(self, time: float) -> float:
-        """Longest step [s] over which the pressure on the film may be taken as constant."""
+        """Return the longest step [s] over which the pressure on the film counts as constant."""
         table = self.on_film
         if not isinstance(table, TimeTable):
             return np.inf
@@ -330,14 +339,14 @@ class Supply:
         return float(table.times[end] - table.times[end - 1]) / 200.0
 
     def next_look(self, time: float) -> float:
-        """When to look again [s] while nothing moves: tables are followed in small steps."""
+        """Return the next time [s] to check while nothing moves: small steps along tables."""
         switch = self.next_switch(time)
         knots = [
             float(table.times[np.searchsorted(table.times, time, side="right") - 1])
             for table in self._tables
             if table.times[0] <= time < table.times[-1]
         ]
-        # Shares of the whole piece of a table: of what is left of it, they would never end.
+        # steps relative to the whole piece of a table; relative to its rest they would never end
         return min(switch, time + (switch - max(knots)) / 200.0) if knots else switch
 
 
@@ -345,7 +354,12 @@ class Supply:
 class Priming:
     """First filling of a gate's own control volumes, by the closed solution.
 
-    nodes : rows that are not full yet; missing [m3] : what they lack, together.
+    Parameters
+    ----------
+    number : of the gate.
+    nodes : rows that are not full yet (K,).
+    room : volume that they lack (K,) [m³].
+    filled : share of the gate's pores that is filled.
     duration : time to fill them from dry [s]; 0 for those that the gate floods at once.
     squared : whether the fill grows with the root of time, or linearly.
     """
@@ -363,7 +377,7 @@ class Priming:
         return self.duration * (1.0 - (self.filled**2 if self.squared else self.filled))
 
     def volumes(self, step: float, growth: np.ndarray) -> np.ndarray:
-        """What enters each of the nodes in a time step [m3]; their growth comes in the next one."""
+        """Return the volume that enters each node in a time step [m³], without their growth."""
         if step >= self.left * (1.0 - 1e-12):
             return self.room
         if self.squared:
@@ -380,7 +394,7 @@ def prime(
     pores: np.ndarray,
     state: FillingState,
 ) -> Priming:
-    """Return how a gate that is open, but not ready, fills its own control volumes."""
+    """Return the priming of a gate that is open, but not ready."""
     nodes = opened.gate.nodes[~state.full[opened.gate.nodes]]
     room = np.maximum(pores - state.resin_volume, 0.0)[nodes]
     whole = pores[nodes].sum()
@@ -410,7 +424,7 @@ def prime(
 
 
 def _share_beyond(network: Network, inside: np.ndarray) -> np.ndarray:
-    """Share of each control volume in cells that are not covered by the gate, (N,)."""
+    """Return the share of each control volume in cells that the gate does not cover, (N,)."""
     cells = network.cells
     covered = (inside[cells] | (cells < 0)).all(axis=1)
     outer = network.corner_sum(network.corner_areas * ~covered[:, None])

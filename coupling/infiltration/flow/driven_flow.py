@@ -1,8 +1,8 @@
-"""Flow at the start or end of a time step, with gates, vents and film as they drive it.
+"""Flow at the start or end of a time step, driven by gates, vents and film.
 
-A :class:`FillingModel` is what a filling computes with beside its state. Model and state make the
-:class:`Situation` that holds at the start of a step, and that makes the :class:`Stage`: pressures
-and flows, and what gates and vents bring and take.
+A :class:`FillingModel` is all of a filling but its state. Model and state give the
+:class:`Situation` at the start of a step, and this gives the :class:`Stage`: pressures and flows,
+also those through gates and vents.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from lcmchain.errors import SimulationError
 
 @dataclass(frozen=True)
 class FillingOptions:
-    """How a filling is computed.
+    """Numerical options of a filling.
 
     Parameters
     ----------
-    front_step : control volumes that the front may cross in a time step, of the mean speed.
-    largest_step : [s].
-    largest_compaction : of the thickness of any cell in a time step.
-    largest_excess : share of its pores that a control volume may be over-full where the step closes
-        the last air around it; it flows off in the next step. Without, every pocket of air that
-        closes ends a step: many, where a whole part is pressed full.
+    front_step : control volumes that the front may cross in a time step, at its mean speed.
+    largest_step : largest time step [s].
+    largest_compaction : largest change of the thickness of a cell in a time step, relative to it.
+    largest_excess : excess of resin, over the pores of a control volume, that is accepted where the
+        last air around it closes; it flows off in the next step. With 0 every pocket of air that
+        closes ends a step, which are many where a whole part is pressed full.
     trapped_air : air that no vent reaches is compressed (ideal gas, isothermal; all pressures
         absolute) instead of leaving at the vent's pressure.
     air_pressure : of the air at the start where no vent is open [Pa].
@@ -52,15 +52,17 @@ class FillingOptions:
 
 @dataclass
 class FillingModel:
-    """What a filling computes with, beside its state.
+    """All of a filling but its state.
 
     Parameters
     ----------
-    medium : pores and conductances. liquid : the resin. supply : gates and vents.
-    gravity : [m/s2], (3,).
-    film : resin that lies on the sheet, if there is any.
-    open_faces : where air comes in through the faces, None for nowhere. Like the options it is no
-        part of the saved states.
+    medium : pores and conductances.
+    liquid : the resin.
+    supply : gates and vents.
+    gravity : (3,) [m/s²].
+    film : resin on the sheet, if there is any.
+    open_faces : faces through which air comes in, None without. Like the options they are no part
+        of the saved states.
     """
 
     medium: Medium
@@ -72,28 +74,30 @@ class FillingModel:
     open_faces: OpenFaces | None = None
 
     def height(self, points: np.ndarray) -> np.ndarray:
-        """ρ g·x of places (K, 3) [Pa]."""
+        """Return ρ g·x at positions (K, 3) [m], (K,) [Pa]."""
         return self.liquid.resin.density * (points @ self.gravity)
 
 
-# --- what holds at the start of a step ------------------------------------------------------------
+# --- the situation at the start of a step ---------------------------------------------------------
 
 
-# Of the pores of a control volume: what a full one may lack and stay so although they shrink, and
-# the round-off of its content.
+# Relative to the pores of a control volume: deficit up to which a full one stays full although its
+# pores shrink, and round-off of its resin.
 NEARLY, ROUND_OFF = 0.5 * (1.0 - FULL), 1e-13
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What holds at the start of a step and is kept over it.
+    """Quantities at the start of a step that are constant over it.
 
     Parameters
     ----------
-    pores : volume of each control volume [m3], (N,). pore_rate : its rate [m3/s], (N,).
+    pores : pore volume of each control volume (N,) [m³].
     primings : gates and films that fill their own control volumes before resin flows on.
-    bleeds : control volumes at open vents, (N,); vent_pressure : there [Pa], nan elsewhere, (N,).
-    excess : resin in full control volumes beyond their pores [m3], (N,).
+    bleeds : whether a control volume is at an open vent through which resin bleeds (N,).
+    vent_pressure : of these vents (N,) [Pa], nan elsewhere.
+    excess : resin in full control volumes beyond their pores (N,) [m³].
+    pore_rate : rate of the pore volume (N,) [m³/s].
     """
 
     state: FillingState
@@ -111,7 +115,7 @@ class Situation:
 
 
 def situation_of(model: FillingModel, state: FillingState) -> Situation:
-    """Return what holds in a state; writes the pressure of the air into it."""
+    """Return the situation of a state; the pressure of the air is written into the state."""
     medium, supply = model.medium, model.supply
     fluidity = model.liquid.fluidity(medium, state)
     conductances = medium.conductances(state.thickness, fluidity)
@@ -134,7 +138,7 @@ def situation_of(model: FillingModel, state: FillingState) -> Situation:
     if film is not None and film.sinking is not None:
         primings.append(film.sinking)
     excess = np.where(state.full, state.resin_volume - pores, 0.0)
-    # Full volumes may lack a little; what they have too much of is only dropped as round-off.
+    # full volumes may lack a little; of an excess only round-off is dropped
     excess[(excess > -NEARLY * pores) & (excess < ROUND_OFF * pores)] = 0.0
     return Situation(
         state, conductances, pores, gates, primings, ~np.isnan(vent_pressure), vent_pressure,

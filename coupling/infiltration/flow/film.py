@@ -1,12 +1,12 @@
-"""Resin film on top of a textile: it enters through the thickness before it flows along.
+"""Resin film on top of a textile, which sinks in through the thickness.
 
 In wet compression moulding the resin is poured onto the blank. Under a pressure it sinks in, column
-by column, with a front that moves down. Where a column is through, its resin takes part in the flow
-along the sheet, and what is left of the film above feeds that flow.
+by column, with a front that moves down. Where the front has reached the bottom, the resin of the
+column takes part in the flow along the sheet, and the rest of the film above feeds that flow.
 
 Left out: spreading of the film over the textile (the gap between tool and textile is no channel
 here), the film's weight and its loss of pressure along the sheet, air that is trapped below the
-film, and resin that sinks on by capillarity after its film has been used up.
+film, and resin that sinks on by capillarity after its film is used up.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from lcmchain.errors import InputError
 
 @dataclass(frozen=True)
 class Impregnation:
-    """What a step of the impregnation leaves, all of shape (N,).
+    """Result of a step of the impregnation, arrays (N,).
 
     Parameters
     ----------
-    depth : impregnated depth [m]; film : thickness of what lies above [m].
+    depth : impregnated depth [m].
+    film : thickness of the film above [m].
     passed : resin that entered, per area of the sheet [m].
-    time_through : time within the step [s] at which the column was through; infinite where it is
-        not, zero where it was before.
+    time_through : time within the step [s] at which the front reached the bottom of the column;
+        infinite where it has not, zero where it was there before.
     """
 
     depth: np.ndarray
@@ -56,19 +57,21 @@ def impregnate(
 
     Darcy's law with a linear pressure between the film and the front, porosity d(depth)/dt =
     K (pressure + capillary) / (viscosity depth), is solved exactly: depth² grows linearly over
-    time, so that a dry column is through after t = porosity viscosity thickness² / (2 K dp). A
-    column ends when it is through or its film is used up, whichever comes first. Resin is
-    conserved: what the film loses is what has passed.
+    time, so that the front in a dry column reaches the bottom after t = porosity viscosity
+    thickness² / (2 K dp). Impregnation of a column ends there, or when its film is used up. Resin
+    is conserved: the loss of the film is the resin that has passed.
 
     Parameters
     ----------
-    depth, film : now [m], shape (N,).
-    thickness : of the textile [m]; porosity; permeability : through the thickness, K3 [m2];
-        viscosity : [Pa s], infinite where the resin has gelled; all (N,) or one number, constant
-        over the step.
+    depth, film : present depth and film [m], (N,).
+    thickness : of the textile [m]. This and the next three are (N,) or one number, constant over
+        the step.
+    porosity : of the textile.
+    permeability : through the thickness, K3 [m²].
+    viscosity : [Pa s], infinite where the resin has gelled.
     pressure : on the film, above that of the air below [Pa].
     step : [s].
-    capillary_pressure : that draws the resin in [Pa], negative where it holds it back.
+    capillary_pressure : draws the resin in [Pa]; negative where it holds it back.
 
     Raises
     ------
@@ -86,7 +89,7 @@ def impregnate(
     # depth² grows by this rate [m2/s]; a pressure below the air's lets nothing in.
     rate = 2.0 * permeability * np.maximum(drive, 0.0) / (porosity * viscosity)
     reached = np.sqrt(depth**2 + rate * step)
-    # The increment in this form keeps its digits where it is small against the depth.
+    # this form of the increment is exact where it is small against the depth
     advance = np.where(
         reached > 0.0, rate * step / np.where(reached > 0.0, reached + depth, 1.0), 0
     )
@@ -110,12 +113,12 @@ def impregnate(
 def film_conductance(
     thickness: np.ndarray, permeability: np.ndarray, viscosity: np.ndarray
 ) -> np.ndarray:
-    """Conductance from a film into the column below it, per area of the sheet [m/(Pa s)].
+    """Return the conductance from a film into a full column, per area of the sheet [m/(Pa s)].
 
-    Of a column that is through and gives its resin off evenly over the thickness, to the flow
-    along the sheet. The flow through the thickness then falls linearly to zero at the bottom, and
-    the mean pressure over the thickness lies viscosity thickness q / (3 K3) below the film's for a
-    flow q per area: the conductance is 3 K3 / (viscosity thickness).
+    The column gives its resin off evenly over the thickness, to the flow along the sheet. Then the
+    flow through the thickness falls linearly to zero at the bottom, and the mean pressure is below
+    that of the film by viscosity thickness q / (3 K3) for a flow q per area: the conductance is
+    3 K3 / (viscosity thickness).
     """
     return 3.0 * np.asarray(permeability) / (np.asarray(viscosity) * np.asarray(thickness))
 
@@ -144,27 +147,26 @@ def _refuse(wrong: np.ndarray, values: np.ndarray, what: str) -> None:
 
 
 # --- the film of a filling ------------------------------------------------------------------------
-# Columns that are not full take resin as :func:`impregnate` says. A column that the flow along the
-# sheet has partly filled counts as impregnated to the same share of its thickness. Columns that are
-# full take resin from the film above as the pressure in the sheet draws it, and no more in a time
-# step than lies there.
+# Columns that are not full take resin by :func:`impregnate`. A column that the flow along the sheet
+# has partly filled counts as impregnated to the same share of its thickness. Full columns take
+# resin from the film above by the pressure in the sheet, in a time step no more than the film has.
 
 
-# Of the pores below: less resin than this on top is none.
+# Least volume of the film over the pores below; less resin counts as none.
 NO_FILM = 1e-12
-# A time step ends when columns are through, but not before this share of the slowest one's time.
+# A time step ends when columns become full, but not before this share of the slowest one's time.
 LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True)
 class Film:
-    """Resin on top of the sheet at the start, and what presses on it.
+    """Resin on top of the sheet at the start, and the pressure on it.
 
     Parameters
     ----------
     thickness : [m], one number or (N,).
     pressure : on the film [Pa], absolute or gauge as those of gates and vents; or a table.
-    capillary_pressure : that draws the resin into dry textile [Pa].
+    capillary_pressure : draws the resin into dry textile [Pa].
 
     Raises
     ------
@@ -185,7 +187,7 @@ class Film:
 
 @dataclass(frozen=True)
 class FilmSinking:
-    """What sinks into columns that are not full, over a time step; like the priming of a gate."""
+    """Resin that sinks into columns that are not full, over a time step; as a gate's priming."""
 
     nodes: np.ndarray
     area: np.ndarray
@@ -194,10 +196,10 @@ class FilmSinking:
     duration: float
 
     def volumes(self, step: float, growth: np.ndarray) -> np.ndarray:
-        """What enters each of the nodes in a time step [m3].
+        """Return the volume that enters each of the nodes in a time step [m³].
 
-        Columns that are through take as much more, or less, as their pores grow [m3]: else those
-        of a sheet that thickens would never be full.
+        Columns that become full take the growth of their pores [m³] as well: else those of a sheet
+        that thickens would never be full.
         """
         sunk = impregnate(**self.columns, step=step)
         entered, left = sunk.passed * self.area, sunk.film * self.area

@@ -1,24 +1,23 @@
 """A flow medium: a thin layer of high permeability on one face of the preform.
 
 Resin runs ahead in the layer and sinks from there into the preform, as in vacuum infusion. The
-layer has control volumes of its own, above the nodes that it covers, with fill factor and pressure
-of their own. Between a volume of the layer and the column of the preform below it resin flows
-through the thickness h of the preform, with its third permeability K₃ and over the area A that the
-layer covers there:
+layer has its own control volumes above the nodes that it covers, each with its fill factor and
+pressure. Between a volume of the layer and the column of the preform below, resin flows through the
+thickness h of the preform, with its third permeability K₃ and over the covered area A:
 
-- Into a column of the fill factor F, with p of the full layer above it and p_v of the air below,
-  q = A K₃ (p - p_v) / (µ h F): the front moves down, F² grows linearly over time at a constant p.
-- Between a column and a layer that are both full q = 3 A K₃ (p - p̄) / (µ h), with the mean pressure
-  p̄ of the column. That is exact where the column gives its resin off evenly over its thickness
-  (:func:`lcmchain.coupling.infiltration.flow.film.film_conductance`).
-- From a full column into a layer that is not full in the same way, against the layer's air.
+- Into a column with the fill factor F, from the pressure p of the full layer to p_v of the air
+  below: q = A K₃ (p - p_v) / (µ h F). The front moves down, and F² grows linearly at a constant p.
+- Between a column and a layer that are both full: q = 3 A K₃ (p - p̄) / (µ h), with the mean
+  pressure p̄ of the column. This is exact where the column gives its resin off evenly over its
+  thickness (:func:`lcmchain.coupling.infiltration.flow.film.film_conductance`).
+- From a full column into a layer that is not full: in the same way, against the air of the layer.
 
-Left out: resistance of the layer through its own thickness, and the slope of the front within one
+Left out: resistance of the layer through its own thickness, and the slope of the front within a
 column. A column that the flow along the preform has partly filled counts as filled from above to
 the same share.
 
-Where the preform carries no resin along itself, the front of the layer leads the other one by a
-constant length, as long as the layer goes on (:func:`lead_length`).
+Where no resin flows along the preform itself, the front in the layer leads the one in the preform
+by a constant length, as long as the layer goes on (:func:`lead_length`).
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ from lcmchain.errors import InputError
 
 #: Conductance of a full column over that of one with the front at its bottom.
 FULL_COLUMN = 3.0
-#: Fill factor that a dry column is taken to have before its pressure is known.
+#: Fill factor of a dry column before its pressure is known.
 FIRST_FILL = 0.05
-#: Pressures above the columns and their conductances are brought to agree in so many solutions;
-#: each takes half of the difference at least, and a column that has begun starts near the end.
+#: Solutions in which the pressures above columns and their conductances are made to agree. Each at
+#: least halves the difference, and a column that is partly filled begins close to agreement.
 SOLUTIONS = 4
 
 
 class Links(NamedTuple):
-    """Which control volumes lie upon each other: rows of the layer and of the preform, (L,)."""
+    """Pairs of control volumes on each other: rows of the layer and of the preform, (L,)."""
 
     above: np.ndarray
     below: np.ndarray
@@ -56,8 +55,9 @@ class FlowMedium:
     Parameters
     ----------
     cells : rows of the cells that it covers, (M,).
-    thickness : [m]. porosity : share of its volume that resin can fill.
-    permeability : [m2], tensors in space of its cells, (M, 3, 3), or one number.
+    thickness : [m].
+    porosity : share of its volume that resin can fill.
+    permeability : tensors in space of its cells, (M, 3, 3) [m²], or one number.
     """
 
     cells: np.ndarray
@@ -66,7 +66,7 @@ class FlowMedium:
     permeability: np.ndarray | float
 
     def nodes(self, mesh: FlowMesh) -> np.ndarray:
-        """Rows of the nodes that it covers, ascending, (L,)."""
+        """Return the rows of the nodes that it covers, ascending, (L,)."""
         corners = mesh.cells[self.cells]
         return np.unique(corners[corners >= 0])
 
@@ -95,15 +95,14 @@ class FlowMedium:
         )
         size = len(self.cells)
         tensor = np.asarray(self.permeability, dtype=float)
-        own = Preform(np.full(size, self.thickness), np.full(size, self.porosity), tensor).of_cells(
-            size
-        )
-        # Resin passes through the layer itself without resistance; the value is not used.
+        layer = Preform(np.full(size, self.thickness), np.full(size, self.porosity), tensor)
+        layer = layer.of_cells(size)
+        # resin passes through the layer itself without resistance; the value is not used
         through = np.concatenate([preform.through_permeability, np.ones(size)])
         layered = Preform(
-            np.concatenate([preform.thickness, own.thickness]),
-            np.concatenate([preform.porosity, own.porosity]),
-            np.concatenate([preform.permeability, own.permeability]),
+            np.concatenate([preform.thickness, layer.thickness]),
+            np.concatenate([preform.porosity, layer.porosity]),
+            np.concatenate([preform.permeability, layer.permeability]),
             through,
             preform.factor,
         )
@@ -113,8 +112,11 @@ class FlowMedium:
 class Columns(NamedTuple):
     """Full control volumes that feed one above or below that is not full.
 
-    edge (P,) : number of the edge. source, target (P,) : rows of both ends.
-    conductance (P,) : [m3/(Pa s)], to the pressure of the air in the target.
+    Parameters
+    ----------
+    edge : number of the edge (P,).
+    source, target : rows of both ends (P,).
+    conductance : to the pressure of the air in the target (P,) [m³/(Pa s)].
     """
 
     edge: np.ndarray
@@ -128,10 +130,14 @@ class Sinking:
 
     Parameters
     ----------
-    links : of the network; first : number of the first edge between layer and preform.
-    flow : conductances of all links with both ends full [m3/(Pa s)], (L,).
-    full : which control volumes are full, (N,). fill : fill factors at the start of the step, (N,).
-    pores : [m3], (N,). air : pressure less ρ g·x of the air [Pa], (N,). step : [s].
+    links : of the network.
+    first : number of the first edge between layer and preform.
+    flow : conductances of all links with both ends full (L,) [m³/(Pa s)].
+    full : whether a control volume is full (N,).
+    fill : fill factors at the start of the step (N,).
+    pores : pore volumes (N,) [m³].
+    air : pressure less ρ g·x of the air (N,) [Pa].
+    step : [s].
     """
 
     def __init__(

@@ -1,8 +1,8 @@
-"""The front inside the control volumes, which their fill factors place.
+"""Position of the front inside the control volumes, by their fill factors.
 
-The front lies in the control volumes that are not full and have a full neighbour. Such a volume k
-takes resin from its full neighbours i alone, as if the pressure ran on linearly past its node to
-the front and had the vent's value there:
+The front is in the control volumes that are not full and have a full neighbour. Such a volume k
+takes resin from its full neighbours i only, as if the pressure went on linearly past its node to
+the front and had the value of the vent there:
 
     q_k = Σ_i T_ik (u_i - u_k) = T_k (ū_k - u_v) / s_k,   T_k = Σ_i T_ik,  ū_k = Σ_i T_ik u_i / T_k
 
@@ -26,31 +26,35 @@ from scipy.sparse.csgraph import connected_components
 
 from lcmchain.coupling.infiltration.flow.network import Conductances, Network
 
-# A neighbourhood so one-sided that its conductances nearly cancel takes part later, with more
-# full neighbours, if there will be any.
+# Least T_k over the sum of |T_ik|. Where conductances nearly cancel, in a one-sided neighbourhood,
+# a volume waits for more full neighbours, if there will be any.
 LEAST_SHARE = 0.02
-# A volume k whose full neighbours i conduct less to it than this, as the sum of T_ik d·(A_k K)⁻¹d,
-# with d = x_k - x_i, takes part later too: 1 for one neighbour on a lattice's line, 1/6 across the
-# acute corner of a cell whose fibres, four times as permeable along, run diagonally. Resin would
-# leak ahead of the front through it. Each cell counts with its own K: what lies beyond the volume
-# may be of any permeability.
+# Least sum of T_ik d·(A_k K)⁻¹d over the full neighbours, with d = x_k - x_i; below, a volume waits
+# as well. The sum is 1 for one neighbour on a line of a lattice, and 1/6 across the acute corner of
+# a cell with diagonal fibres that are four times as permeable along: there resin would leak ahead
+# of the front. Each cell counts with its own K, as the permeability beyond the volume may be any.
 LEAST_REACH = 0.25
+# Least ratio r_k.
 LEAST_WIDTH = 0.5
-# A node whose cells turn by half a circle, give or take this angle, lies on a straight rim.
+# Tolerance of the half circle by which the cells around a node on a straight rim turn.
 CORNER = np.radians(35.0)
-# The front comes from within if, for flow along the rim, r would be larger than this.
+# The front comes from within if r would be larger than this for flow along the rim.
 STEEP = 2.0
 
 
 class Front(NamedTuple):
-    """Control volumes that the front is in, and the edges that feed them.
+    """Control volumes with the front, and the edges that feed them.
 
-    nodes (K,) : rows, ascending.
-    member (P,) : position in ``nodes`` of the fed end of each feeding edge.
-    source (P,) : row of its full end.
-    edge (P,) : number of the edge; flow (P,) its conductance T_ik.
-    total (K,) : T_k.
-    ratio (K,) : r_k; distance (K,) : s_k.
+    Parameters
+    ----------
+    nodes : rows, ascending (K,).
+    member : position in ``nodes`` of the fed end of each feeding edge (P,).
+    source : row of its full end (P,).
+    edge : number of the edge (P,).
+    flow : conductance T_ik of the edge (P,).
+    total : T_k (K,).
+    ratio : r_k (K,).
+    distance : s_k (K,).
     """
 
     nodes: np.ndarray
@@ -63,18 +67,18 @@ class Front(NamedTuple):
     distance: np.ndarray
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Mean of nodal values (N,) over the full neighbours, weighted with T_ik, shape (K,)."""
+        """Return means of nodal values (N,) over full neighbours, weighted with T_ik (K,)."""
         weighted = self.flow * values[self.source]
         return np.bincount(self.member, weighted, minlength=len(self.nodes)) / self.total
 
     def conducting(self, factor: np.ndarray) -> Front:
-        """Return the same front, fed by edges that conduct so many times as well, (E,)."""
+        """Return the same front with the conductances of the edges multiplied by factors (E,)."""
         flow = self.flow * factor[self.edge]
         total = np.bincount(self.member, flow, minlength=len(self.nodes))
         return self._replace(flow=flow, total=total)
 
     def passed(self) -> np.ndarray:
-        """Fill factor at which the front passes the node, shape (K,)."""
+        """Return the fill factor at which the front passes the node (K,)."""
         return np.minimum(0.5 / self.ratio, 1.0)
 
 
@@ -82,7 +86,7 @@ def find_front(
     network: Network, conductances: Conductances, full: np.ndarray, fill: np.ndarray
 ) -> Front:
     """Return the front for full nodes (N,) and fill factors (N,)."""
-    # what comes through the thickness is no part of the front in the plane
+    # flow through the thickness is no part of the front in the plane
     edges = network.edges[: network.in_plane_count]
     first, second = edges.T
     at = full[first]
@@ -119,9 +123,9 @@ def find_front(
 
 
 def _in_pocket_without(takes: np.ndarray, full: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Whether a volume (N,) that waits for more full neighbours waits in vain.
+    """Whether a volume (N,) that waits for more full neighbours would wait for ever.
 
-    In its pocket of volumes that are not full none takes resin, as in an acute corner of the mesh.
+    No volume of its pocket of volumes that are not full takes resin, as in an acute corner.
     """
     first, second = edges[~full[edges].any(axis=1)].T
     links = coo_array((np.ones(len(first)), (first, second)), shape=(len(full), len(full)))

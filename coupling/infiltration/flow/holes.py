@@ -1,15 +1,15 @@
-"""Gates that are round holes: what lies between the hole and the nodes that stand for it.
+"""Gates that are round holes: the conductance between the hole and the nodes that represent it.
 
-Nodes that have the gate's pressure act as a hole of some size of their own, the effective radius,
-that depends on the mesh. It is where the logarithmic field around the hole has the pressure of the
-nodes: the field of the mesh is right at the neighbours j of the nodes i, and brings the same flow,
+Nodes with the pressure of the gate act as a hole of an effective radius r_e that depends on the
+mesh. At this radius the logarithmic field around the hole has the pressure of the nodes. With the
+field of the mesh right at the neighbours j of the nodes i, and the same flow,
 
     Σ T_ij ln(ρ_j / r_e) = θ κ
 
-with the distances ρ_j from the middle of the nodes, measured so that the sheet is isotropic, and
-the angle θ of the sheet around them. Between the nodes and the true hole, smaller or larger, acts
-what is left of the logarithm. After D. W. Peaceman, SPE Journal 18 (1978) 183 and 23 (1983) 531
-for anisotropic grids; here for any mesh in space, and for more than one node.
+with the distances ρ_j from the middle of the nodes, in coordinates in which the sheet is isotropic,
+and the angle θ of the sheet around them. The rest of the logarithm, between r_e and the radius of
+the true hole, smaller or larger, is the conductance. After D. W. Peaceman, SPE Journal 18 (1978)
+183 and 23 (1983) 531 for anisotropic grids; here for any mesh in space, and for several nodes.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from lcmchain.coupling.infiltration.flow.front import find_front
 from lcmchain.coupling.infiltration.flow.network import Conductances, Network
 from lcmchain.coupling.infiltration.flow.state import FillingState
 
-#: So many times at most conducts an edge of which a part lies in a hole. A node almost at its rim
-#: would get the pressure of the hole, and stand for a larger one: a dome from a hole of two edges'
-#: radius fills 0.6 % earlier than a resolved one with this, 2 % earlier without a limit, 2 % later
-#: with 3.
+#: Largest factor on the conductance of an edge that is partly in a hole. Without a limit a node
+#: almost at the rim would get the pressure of the hole, and represent a larger one: a dome from a
+#: hole with a radius of two edges fills 0.6 % earlier than a resolved one with this limit, 2 %
+#: earlier without a limit, and 2 % later with 3.
 MOST_WIDER = 5.0
 
 
 def hole_conductance(
     network: Network, conductances: Conductances, nodes: np.ndarray, radius: float
 ) -> float:
-    """Conductance between a hole of a radius [m] and the nodes that lie in it [m3/(Pa s)].
+    """Return the conductance between a hole of a radius [m] and the nodes in it [m³/(Pa s)].
 
-    Negative where the hole is larger than the nodes' effective radius; infinite where both are
-    the same, and for several nodes of which some are on the rim.
+    It is negative where the hole is larger than the effective radius of the nodes, and infinite
+    where both are equal, or where some of several nodes are on the rim.
     """
     around = _Around.of(network, conductances, nodes, radius)
     if around is None:
@@ -48,10 +48,15 @@ def hole_conductance(
 
 
 class _Around(NamedTuple):
-    """The logarithmic field around a hole, at the nodes beside those that lie in it.
+    """The logarithmic field around a hole, at the neighbours of the nodes in it.
 
-    at (K,) : numbers of the edges to them; flow (K,) : their conductances. size (K,) : logarithm of
-    the field there, of which ``hole`` is that at the hole. spread : θ κ.
+    Parameters
+    ----------
+    at : numbers of the edges to the neighbours (K,).
+    flow : their conductances (K,).
+    size : logarithm of the field there (K,).
+    hole : logarithm of the field at the hole.
+    spread : θ κ.
     """
 
     at: np.ndarray
@@ -64,7 +69,7 @@ class _Around(NamedTuple):
     def of(
         cls, network: Network, conductances: Conductances, nodes: np.ndarray, radius: float
     ) -> _Around | None:
-        """Return the field around a hole; None for several nodes of which some are on the rim."""
+        """Return the field around a hole; None where some of several nodes are on the rim."""
         at, beyond = _leaving_edges(network, nodes)
         angle = 2.0 * np.pi
         if len(nodes) == 1:
@@ -84,16 +89,16 @@ class _Around(NamedTuple):
 def _logarithms(
     away: np.ndarray, spread: np.ndarray, radius: float
 ) -> tuple[float, np.ndarray, float]:
-    """Mean of h K/µ; logarithms of the field around a round hole at places (K, 2), and at it.
+    """Return the mean of h K/µ, and logarithms of the field at positions (K, 2) and at the hole.
 
-    Measured so that the sheet is isotropic the hole is an ellipse, of semi-axes a and b. Outside
-    the field is ln |z + sqrt(z² - a² + b²)| / 2, with z from the longer axis on, and that of a
-    round hole of the radius (a + b) / 2 far away.
+    In coordinates in which the sheet is isotropic the round hole is an ellipse of semi-axes a and
+    b. Outside of it the field is ln |z + sqrt(z² - a² + b²)| / 2, with z measured from the longer
+    axis; far away it is that of a round hole of the radius (a + b) / 2.
     """
     xx, yy, xy = spread
     values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     stretch = (values[1] / values[0]) ** 0.25
-    # Where the sheet conducts least it becomes longer.
+    # in these coordinates the sheet is longer in the direction of the lower conductance
     along, across = away @ axes[:, 0] * stretch, away @ axes[:, 1] / stretch
     z = along + 1j * across
     root = np.sqrt(z * z - radius**2 * (stretch**2 - stretch**-2))
@@ -103,7 +108,7 @@ def _logarithms(
 
 
 def neighbours(network: Network, nodes: np.ndarray) -> np.ndarray:
-    """Rows of the nodes that edges join to the given ones, ascending."""
+    """Return the rows of the neighbours of nodes, ascending."""
     return np.unique(_leaving_edges(network, nodes)[1])
 
 
@@ -115,12 +120,12 @@ def widening(
     contact: float,
     state: FillingState,
 ) -> np.ndarray:
-    """Return factors (E,) of the edges by which a wide hole, at its own pressure, acts as itself.
+    """Return factors (E,) on the edges that represent a wide hole whose nodes have its pressure.
 
-    The edges between its nodes and the others lead to the hole's rim: in its logarithmic field each
-    brings as much as from nodes at the higher pressure that the negative ``contact`` gives them.
-    None lifts a node above the hole, as all factors are positive. While the front is beside the
-    nodes, all edges are shortened alike by what the contact takes away from them together.
+    The edges from its nodes end at the rim of the hole: in the logarithmic field each carries the
+    flow that it would have from nodes at the higher pressure by the negative ``contact``. No node
+    gets a pressure above that of the hole, as all factors are positive. While the front is beside
+    the nodes, all edges have the same factor, by the contact of all together.
     """
     factor = np.ones(len(network.edges))
     at, beyond = _leaving_edges(network, nodes)
@@ -146,8 +151,8 @@ def while_filling(
 ) -> float:
     """Return the conductance between hole and nodes while the front is next to them.
 
-    A hole that is larger than what its nodes stand for takes resistance away from the field around
-    them. As long as that has little, at most half of it is taken.
+    A hole larger than the effective radius of its nodes reduces the resistance of the field around
+    them, while the front is near by at most a half.
     """
     _, beyond = _leaving_edges(network, nodes)
     if contact >= 0.0 or not np.isfinite(contact) or full[beyond].all():
@@ -156,7 +161,7 @@ def while_filling(
 
 
 def _leaving_edges(network: Network, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the edges that join the nodes to others, and the rows of these."""
+    """Return the numbers of the edges from nodes to others, and the rows of these."""
     inside = np.zeros(network.node_count, dtype=bool)
     inside[nodes] = True
     first, second = network.edges[: network.in_plane_count].T
@@ -171,7 +176,7 @@ def _leaving(
     full: np.ndarray,
     fill: np.ndarray,
 ) -> float:
-    """Conductance from the nodes to full ones and to the front beside them [m3/(Pa s)]."""
+    """Return the conductance from nodes to full neighbours and to the front [m³/(Pa s)]."""
     out, beyond = _leaving_edges(network, nodes)
     front = find_front(network, conductances, full, fill)
     inside = np.zeros(network.node_count, dtype=bool)
@@ -183,13 +188,13 @@ def _leaving(
 
 
 def mean_conductance(network: Network, conductances: Conductances, nodes: np.ndarray) -> float:
-    """Geometric mean of the principal values of h K/µ at nodes, averaged [m3/(Pa s)]."""
+    """Return the geometric mean of the principal values of h K/µ, averaged [m³/(Pa s)]."""
     larger, smaller = _principal_spread(conductances.spread[nodes])
     return float(np.sqrt(np.maximum(larger * smaller, 0.0)).sum() / _area(network, nodes))
 
 
 def _principal_spread(spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Larger and smaller principal value of spreads (K, 3)."""
+    """Return the larger and the smaller principal value of spreads (K, 3)."""
     middle, half = 0.5 * (spread[:, 0] + spread[:, 1]), 0.5 * (spread[:, 0] - spread[:, 1])
     radius = np.hypot(half, spread[:, 2])
     return middle + radius, middle - radius
@@ -203,7 +208,10 @@ def radial_time(
     pores: np.ndarray,
     drive: float,
 ) -> float:
-    """Time [s] in which a hole fills the volumes of its nodes, dry at first; drive : [Pa]."""
+    """Return the time [s] in which a hole fills the dry volumes of its nodes.
+
+    drive : pressure of the hole above that of the air [Pa].
+    """
     area = _area(network, nodes)
     angle = float(network.unfolding.angle[nodes[0]]) if len(nodes) == 1 else 2.0 * np.pi
     reach = np.sqrt(2.0 * area / angle)

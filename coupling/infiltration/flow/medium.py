@@ -1,4 +1,4 @@
-"""What fills the control volumes: the preform with its pores, the resin, and the air ahead of it.
+"""Content of the control volumes: the preform with its pores, the resin, and the air.
 
 The preform may move: its pores and conductances follow the thickness and the area of its cells.
 """
@@ -47,19 +47,20 @@ class Medium:
         self._renew(mesh)
 
     def set_points(self, points: np.ndarray) -> None:
-        """Take other node positions [m], shape (N, 3)."""
+        """Set the node positions [m], (N, 3)."""
         self._lies_still = False
         self._renew(self.mesh.moved(points))
 
     def set_permeability(
         self, tensor: np.ndarray, through: np.ndarray | None, fraction: np.ndarray
     ) -> None:
-        """Take the permeability at present, of fibres that have moved.
+        """Set the present permeability, of fibres that have moved.
 
         Parameters
         ----------
-        tensor : [m2] in space, (C, 3, 3). through : [m2] through the thickness, (C,).
-        fraction : fibre volume fraction that they belong to, (C,).
+        tensor : in space, (C, 3, 3) [m²].
+        through : through the thickness, (C,) [m²].
+        fraction : fibre volume fraction to which both belong, (C,).
 
         Raises
         ------
@@ -78,7 +79,7 @@ class Medium:
         self._kept = None
 
     def fibre_fraction(self, thickness: np.ndarray) -> np.ndarray:
-        """Fibre volume fraction of cells of a thickness [m], (C,).
+        """Return the fibre volume fraction (C,) of cells of a thickness (C,) [m].
 
         Raises
         ------
@@ -95,18 +96,18 @@ class Medium:
         return fraction
 
     def pores(self, thickness: np.ndarray) -> np.ndarray:
-        """Pore volume of the control volumes [m3], (N,), for a thickness of the cells (C,) [m]."""
+        """Return the pore volume of the control volumes (N,) [m³] at a thickness (C,) [m]."""
         open_height = thickness * (1.0 - self.fibre_fraction(thickness))
         inside = self.network.corner_sum(self.network.corner_areas * open_height[:, None])
         return inside + self.network.track_volume
 
     def pore_rate(self, thickness_rate: np.ndarray) -> np.ndarray:
-        """Rate of the pore volume of the control volumes [m3/s], (N,)."""
+        """Return the rate of the pore volume of the control volumes (N,) [m³/s]."""
         return self.network.corner_sum(self.network.corner_areas * thickness_rate[:, None])
 
     @property
     def sheet_area(self) -> np.ndarray:
-        """Area of the preform that belongs to each node [m2], (N,); none at those of a layer."""
+        """Area of the preform at each node (N,) [m²]; 0 at nodes of a layer."""
         if self._links is None:
             return self.node_area
         area = self.node_area.copy()
@@ -114,7 +115,7 @@ class Medium:
         return area
 
     def lift(self, state: FillingState) -> Lift | None:
-        """Cells that the pressure of their resin thickens, if there are any."""
+        """Return the cells that the pressure of their resin thickens, if there are any."""
         cells = np.flatnonzero(state.lift)
         if not len(cells):
             return None

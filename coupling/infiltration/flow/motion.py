@@ -1,7 +1,7 @@
-"""Where the resin of a time step goes, and what the step leaves in the state.
+"""Motion of the resin in a time step, and the state at its end.
 
-The flows of a step fill the control volumes. What one receives beyond its pores goes on to its
-neighbours (:func:`pass_on`). Cure and temperature are carried along.
+The flows of a step fill the control volumes. Resin beyond the pores of a volume goes on to its
+neighbours (:func:`pass_on`). It carries cure and temperature along.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ LEAST_SHARE = 1e-6
 class Passed(NamedTuple):
     """Volumes after the overflow.
 
-    volume (N,) : resin [m3], never above the pores' nor below zero.
-    rate (N,) : inflow [m3/s] that each volume had, with what was passed on to it.
-    vented (N,) : what left at open vents [m3].
-    source, target, moved : rows and volumes [m3] of what was passed on.
+    Parameters
+    ----------
+    volume : resin (N,) [m³], between zero and the pores.
+    rate : inflow of each volume, with resin that was passed on to it (N,) [m³/s].
+    vented : resin that left at open vents (N,) [m³].
+    source, target, moved : rows and volumes [m³] of resin that was passed on.
     """
 
     volume: np.ndarray
@@ -40,7 +42,7 @@ class Passed(NamedTuple):
 
 
 class Stuck(NamedTuple):
-    """Some excess found no room: about this share of the time step fills the volume exactly."""
+    """An excess had no room; about this share of the time step fills the volume exactly."""
 
     share: float
 
@@ -59,21 +61,22 @@ def pass_on(
 ) -> Passed | Stuck:
     """Pass the excess of over-full volumes on to those with room, as the edges conduct.
 
-    A volume that would be drained below zero takes what it lacks from its neighbours in the same
-    way. Nothing is lost: the sum of volumes and what is vented stays to round-off.
+    A volume that would be drained below zero takes resin from its neighbours in the same way. The
+    sum of volumes and vented resin is conserved to round-off.
 
     Parameters
     ----------
-    edges (E, 2), flow (E,) : conductances.
-    before, volume : of resin before and after the step, (N,). pores, pores_before : after and
-        before it, (N,). rate : (N,), see :class:`Passed`.
-    bleeds : nodes where excess leaves the sheet, (N,).
-    full : those that were full before the step and take nothing, (N,).
-    spare : share of its pores that a volume may keep as excess where it finds no room.
+    edges, flow : edges (E, 2) and their conductances (E,).
+    before, volume : resin before and after the step (N,) [m³].
+    pores, pores_before : pores after and before the step (N,) [m³].
+    rate : see :class:`Passed`.
+    bleeds : whether excess leaves the sheet at a node (N,).
+    full : volumes that were full before the step and take nothing (N,).
+    spare : excess over its pores that a volume may keep where there is no room.
 
     Returns
     -------
-    :class:`Stuck` if some excess found no room: a smaller time step is needed.
+    :class:`Stuck` if an excess had no room: a smaller time step is needed.
     """
     volume, rate = volume.copy(), rate.copy()
     vented = np.zeros_like(volume)
@@ -96,7 +99,7 @@ def pass_on(
 
 
 def _spread(edges, flow, volume, pores, rate, full, spare, records) -> np.ndarray:
-    """Pass on what is too much; return which volumes (N,) found no neighbour with room."""
+    """Pass the excess on; return which volumes (N,) had no neighbour with room."""
     done, kept = full.copy(), full.copy()
     while True:
         excess = volume - pores

@@ -1,9 +1,9 @@
 """Control volumes of the nodes and the conductances between them, by linear finite elements.
 
 The flow from node i to node j through a cell is T_ij (u_i - u_j), with T_ij = -∫ ∇N_i · h K/µ ∇N_j
-dA: the finite-element matrix read as a network. What leaves i reaches j, so resin is conserved
-whatever the mesh. T_ij may be negative (obtuse triangles, long quadrilaterals, strong anisotropy).
-Race tracks, and links through the thickness to a flow medium, are edges like the others.
+dA: the finite-element matrix as a network. The flow that leaves i reaches j, so that resin is
+conserved on any mesh. T_ij may be negative (obtuse triangles, long quadrilaterals, strong
+anisotropy). Race tracks, and links through the thickness to a flow medium, are edges as well.
 """
 
 from __future__ import annotations
@@ -53,14 +53,16 @@ class RaceTrack:
 
 
 class Conductances(NamedTuple):
-    """Flow per pressure between nodes, and what the front's closure needs of it.
+    """Flow per pressure between nodes, and its moments for the front.
 
-    flow (E,) : T [m3/(Pa s)] of each edge. Negative values occur.
-    moment (E, 2, 2) : T times the vector from the other end to this end, in the plane of this
-        end's node [m4/(Pa s)], for both ends.
-    spread (N, 3) : h K/µ integrated over each control volume, components 11, 22, 12 in the plane
-        of its node [m5/(Pa s)].
-    scale (C,) : h/µ of the cells times the factor on their permeability [m/(Pa s)].
+    Parameters
+    ----------
+    flow : T of each edge (E,) [m³/(Pa s)]. Negative values occur.
+    moment : T times the vector from the other end to this end, in the plane of the node of this
+        end, for both ends (E, 2, 2) [m⁴/(Pa s)].
+    spread : h K/µ integrated over each control volume, components 11, 22, 12 in the plane of its
+        node (N, 3) [m⁵/(Pa s)].
+    scale : h/µ of the cells times the factor on their permeability (C,) [m/(Pa s)].
     """
 
     flow: np.ndarray
@@ -77,8 +79,8 @@ class Network:
     mesh : the sheet.
     permeability : tensors in space [m2], shape (C, 3, 3).
     tracks : channels along edges.
-    gates : rows of nodes that resin enters or leaves at.
-    links : control volumes of a flow medium and of the preform that lie upon each other.
+    gates : rows of nodes at which resin enters or leaves.
+    links : between the control volumes of a flow medium and of the preform.
     """
 
     def __init__(
@@ -103,7 +105,7 @@ class Network:
         self._mean_gradient = np.einsum("cg,cga...->ca...", weights, gradients)
         self._mean_gradient /= weights.sum(axis=1)[:, None, None]
         self._axes, self._tensor = axes, tensor
-        #: How the cells lie around the nodes.
+        #: Arrangement of the cells around the nodes.
         self.unfolding = _unfold(mesh.cells, flat, mesh.node_count)
         area = weights.sum(axis=1)
         mean = -np.einsum(
@@ -123,7 +125,7 @@ class Network:
         unique, edge = np.unique(number, return_inverse=True)
         #: Node rows of each edge, the smaller first, (E, 2).
         self.edges = np.stack([unique // self.node_count, unique % self.node_count], axis=1)
-        #: So many edges run in the sheet; those behind them, through the thickness.
+        #: Number of edges in the sheet; they come before those through the thickness.
         self.in_plane_count = len(unique)
         self._pair_cell, self._pair_edge = pairs.cell, edge.reshape(-1)
         self._pair_flow, self._pair_between = pairs.flow, pairs.between
@@ -142,7 +144,7 @@ class Network:
         self._corner_spread = weighted[:, (0, 1, 0), (0, 1, 1)]
 
     def _add_tracks(self, mesh: FlowMesh, tracks: Sequence[RaceTrack]) -> None:
-        """Channels along edges: conductance per 1/µ, and volume of the nodes [m3]."""
+        """Add channels along edges: conductance per 1/µ, and volume at the nodes [m³]."""
         edge_count = len(self.edges)
         self._track_flow = np.zeros(edge_count)
         self.track_volume = np.zeros(self.node_count)
@@ -161,12 +163,12 @@ class Network:
             np.add.at(
                 self._track_flow, edge, np.broadcast_to(track.conductance, len(edge)) / length
             )
-            # A channel passes the front on at once, however the sheet beside it lies.
+            # a channel passes the front on at once, whatever the sheet beside it
             self.reach[edge] = np.inf
             half = 0.5 * np.broadcast_to(track.section, len(edge)) * length
             for end in (0, 1):
                 np.add.at(self.track_volume, ends[:, end], half)
-        # The direction of a channel in its nodes' planes is that of its cell's side.
+        # a channel has the direction of the side of its cell, in the planes of its nodes
         direction = np.zeros((edge_count, 2, 2))
         direction[self._pair_edge] = self._pair_between
         self._direction = direction
@@ -188,7 +190,7 @@ class Network:
             np.add.at(self._track_spread, self.edges[:, end], spread[:, end])
 
     def _add_links(self, links: Links | None) -> None:
-        """Edges between a flow medium and the preform, behind those of the sheets."""
+        """Add edges between a flow medium and the preform, after those in the sheets."""
         if links is None:
             return
         count = len(links.above)
@@ -196,25 +198,27 @@ class Network:
         self.reach = np.concatenate([self.reach, np.zeros((count, 2))])
         self._track_flow = np.concatenate([self._track_flow, np.zeros(count)])
         for name in ("_direction", "_track_moment"):
-            own = getattr(self, name)
-            setattr(self, name, np.concatenate([own, np.zeros((count, 2, 2))]))
+            in_plane = getattr(self, name)
+            setattr(self, name, np.concatenate([in_plane, np.zeros((count, 2, 2))]))
 
     def corner_sum(self, values: np.ndarray) -> np.ndarray:
-        """Sum over the cells of each node of values per corner (C, 4), shape (N,)."""
+        """Return sums over the corners at each node (N,) of values per corner (C, 4)."""
         cell, corner, node = self._corner
         return np.bincount(node, values[cell, corner], minlength=self.node_count)
 
     def edge_vectors(self, edges: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Vectors [m] from the other end of edges to this end, in the plane of its node, (K, 2)."""
+        """Return vectors (K, 2) [m] to the ends of edges, in the planes of their nodes."""
         return self._direction[edges, ends]
 
     def around(
         self, nodes: np.ndarray, others: np.ndarray, conductances: Conductances
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Vectors (K, 2) [m] from the middle of nodes to others, in the mean plane around them.
+        """Return the surroundings of several nodes in the mean plane around them.
 
-        Also their h K/µ integrated over the control volumes of the nodes, components 11, 22, 12
-        in that plane [m5/(Pa s)], and the area of those [m2].
+        Returns
+        -------
+        Vectors (K, 2) [m] from the middle of the nodes to ``others``; h K/µ integrated over the
+        control volumes of the nodes, components 11, 22, 12 [m⁵/(Pa s)]; and their area [m²].
         """
         cell, corner, node = self._corner
         own = np.isin(node, nodes)
@@ -233,13 +237,13 @@ class Network:
         return flat, tensor[(0, 1, 0), (0, 1, 1)], float(area.sum())
 
     def edge_mean(self, values: np.ndarray) -> np.ndarray:
-        """Mean over the cells at each edge of values per cell (C,), shape (E,)."""
+        """Return means over the cells at each edge (E,) of values per cell (C,)."""
         size = len(self.edges)
         total = np.bincount(self._pair_edge, values[self._pair_cell], minlength=size)
         return total / np.maximum(np.bincount(self._pair_edge, minlength=size), 1)
 
     def cell_mean(self, values: np.ndarray) -> np.ndarray:
-        """Mean over the corners of each cell of values per node (N,), without nan, shape (C,)."""
+        """Return means over the corners of each cell (C,) of values per node (N,), without nan."""
         cell, _, node = self._corner
         known = ~np.isnan(values[node])
         count = np.bincount(cell[known], minlength=len(self.cells))
@@ -247,11 +251,11 @@ class Network:
         return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
     def node_mean(self, values: np.ndarray) -> np.ndarray:
-        """Mean over the cells of each node of values per cell (C,), by their area, (N,)."""
+        """Return means over the cells of each node (N,) of values per cell (C,), by area."""
         return self.corner_sum(self.corner_areas * values[:, None]) / self.node_areas()
 
     def node_areas(self) -> np.ndarray:
-        """Area of the sheet that belongs to each node [m2], shape (N,)."""
+        """Return the area of the sheet at each node (N,) [m²]."""
         return self.corner_sum(self.corner_areas)
 
     def conductances(
@@ -260,10 +264,13 @@ class Network:
         track_scale: np.ndarray | float,
         through: np.ndarray | None = None,
     ) -> Conductances:
-        """Conductances for h/µ times the factor on the permeability (C,) [m/(Pa s)].
+        """Return the conductances.
 
-        track_scale : 1/µ of the resin in the channels [1/(Pa s)], one number or (E,).
-        through : K₃ / (µ h) of the cells [m/(Pa s)], (C,), where there are links.
+        Parameters
+        ----------
+        scale : h/µ times the factor on the permeability (C,) [m/(Pa s)].
+        track_scale : 1/µ of the resin in the channels, one number or (E,) [1/(Pa s)].
+        through : K₃ / (µ h) of the cells (C,) [m/(Pa s)], where there are links.
         """
         size = len(self.edges)
         pair = scale[self._pair_cell]
@@ -295,9 +302,9 @@ class Network:
         return Conductances(flow, moment, spread, scale)
 
     def velocity(self, potential: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Darcy velocity of the cells, -K/µ ∇u [m/s], shape (C, 3); nan where a node has no u.
+        """Return Darcy's velocity of the cells, -K/µ ∇u (C, 3) [m/s]; nan where a node has no u.
 
-        factor : 1/µ times the factor on the permeability, shape (C,).
+        factor : 1/µ times the factor on the permeability (C,) [1/(Pa s)].
         """
         values = np.where(self.cells >= 0, potential[self.cells], 0.0)
         slope = np.einsum("ca,cai->ci", values, self._mean_gradient)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -370,7 +370,8 @@ class Preform:
         porosity: np.ndarray,
         values: np.ndarray,
         axes: np.ndarray,
-        **others: Any,
+        *,
+        factor: PermeabilityFactor = kozeny_factor,
     ) -> Preform:
         """Return a preform from principal permeabilities and their axes in the plane.
 
@@ -382,19 +383,20 @@ class Preform:
         """
         values, axes = np.asarray(values, dtype=float), np.asarray(axes, dtype=float)
         tensor = np.einsum("cm,cmi,cmj->cij", values[:, :2], axes[:, :2], axes[:, :2])
-        if values.shape[1] > 2:
-            others.setdefault("through_permeability", values[:, 2])
-        return cls(thickness, porosity, tensor, **others)
+        through = values[:, 2] if values.shape[1] > 2 else None
+        return cls(thickness, porosity, tensor, through, factor)
 
     @classmethod
-    def from_mapped(cls, mapped: xr.Dataset, *, frame: int = -1, **others: Any) -> Preform:
+    def from_mapped(
+        cls, mapped: xr.Dataset, *, frame: int = -1, factor: PermeabilityFactor = kozeny_factor
+    ) -> Preform:
         """Return the preform that a mapping wrote: thickness, fibre content, permeability.
 
         Parameters
         ----------
         mapped : dataset with ``thickness``, ``fibre_volume_fraction``, ``permeability_1`` to
             ``_3`` and the vectors ``permeability_direction_1_x`` and so on, one value per face.
-        frame : of datasets with a dimension ``time``, the saved state to take.
+        frame : number of the saved state, of a dataset with a dimension ``time``.
 
         Raises
         ------
@@ -423,7 +425,7 @@ class Preform:
         )
         principal = np.stack([values(f"permeability_{m}") for m in numbers], axis=1)
         porosity = 1.0 - values("fibre_volume_fraction")
-        return cls.from_principal(values("thickness"), porosity, principal, axes, **others)
+        return cls.from_principal(values("thickness"), porosity, principal, axes, factor=factor)
 
 
 def _refuse(name: str, values: np.ndarray, wrong: np.ndarray, why: str) -> None:

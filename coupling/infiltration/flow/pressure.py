@@ -1,14 +1,14 @@
 """Pressure in the filled region: assembly, solution, and the flows that follow from it.
 
-Unknown is the potential u = p - ρ g·x of the full nodes. Each of them passes on what it receives,
-Σ_j T_ij (u_i - u_j) + Σ_k q_ik = b_i, with the flow q_ik into control volumes k that the front is
-in (:mod:`lcmchain.coupling.infiltration.flow.front`) and a source b_i. The matrix is symmetric,
-but for cells at the hole of a gate that their resin thickens: there the hole's pressure is given.
+The unknown is the potential u = p - ρ g·x of the full nodes. Each of them is in balance,
+Σ_j T_ij (u_i - u_j) + Σ_k q_ik = b_i, with the flow q_ik into control volumes k with the front
+(:mod:`lcmchain.coupling.infiltration.flow.front`) and a source b_i. The matrix is symmetric, except
+for cells at the hole of a gate that their resin thickens: they take the pressure of the hole.
 
 Where all T_ik of a front volume are positive and the front has not passed its node (s_k < 1), every
-full neighbour feeds it by itself, q_ik = T_ik (u_i - u_v) / s_k: the same total for a straight
-front, and a matrix without positive off-diagonals. With T >= 0 everywhere (isotropic cells without
-obtuse angles) the pressure then lies between the least and the largest boundary pressure.
+full neighbour feeds it alone, q_ik = T_ik (u_i - u_v) / s_k. The total is the same for a straight
+front, and the matrix has no positive off-diagonals. With T >= 0 everywhere (isotropic cells without
+obtuse angles) the pressure is then between the least and the largest boundary pressure.
 """
 
 from __future__ import annotations
@@ -31,14 +31,16 @@ from lcmchain.errors import SimulationError
 class Lift:
     """Cells that the pressure of their resin thickens: Q = A s (p - reference) [m3/s] into a cell.
 
-    p is the mean over its corners by their areas: of the air where they are not full, and of the
-    hole where they lie in that of a gate.
+    p is the mean over the corners weighted by their areas. Corners that are not full have the
+    pressure of the air, corners in the hole of a gate that of the hole.
 
     Parameters
     ----------
-    cells : number of each, (L,). nodes : of their corners, (L, 4), -1 for none.
-    weights : of the corners in the mean, (L, 4). conductance : A s [m3/(s Pa)], (L,).
-    reference : [Pa], (L,).
+    cells : rows, (L,).
+    nodes : of their corners, (L, 4), -1 for none.
+    weights : of the corners in the mean, (L, 4).
+    conductance : A s, (L,) [m³/(s Pa)].
+    reference : (L,) [Pa].
     """
 
     cells: np.ndarray
@@ -48,11 +50,11 @@ class Lift:
     reference: np.ndarray
 
     def pressure(self, of_nodes: np.ndarray) -> np.ndarray:
-        """Mean pressure of the cells [Pa], (L,), of the nodes' (N,)."""
+        """Return the mean pressures of the cells (L,) [Pa] from those of the nodes (N,) [Pa]."""
         return (self.weights * of_nodes[self.nodes]).sum(axis=1)
 
     def into_nodes(self, rate: np.ndarray, count: int) -> np.ndarray:
-        """Rates of the cells (L,) given to their corners, (N,)."""
+        """Return rates of the cells (L,) distributed to their corners, (N,)."""
         own = self.weights * rate[:, None]
         there = self.nodes >= 0
         return np.bincount(self.nodes[there], own[there], minlength=count)
@@ -60,26 +62,27 @@ class Lift:
 
 @dataclass(frozen=True)
 class Boundary:
-    """What drives the flow at one time.
+    """Boundary conditions of the flow at one time.
 
     Parameters
     ----------
-    fixed : pressure [Pa] of nodes that have one, nan elsewhere, (N,).
-    source : [m3/s] that enters each node, (N,).
-    tied : nodes of gates at a flow rate: rows, and the rate [m3/s] of all together.
-    contact : conductance [m3/(Pa s)] to a pressure outside, ``outside`` [Pa], (N,).
-    air : pressure at the front in each control volume [Pa], (N,).
-    height : ρ g·x [Pa], (N,).
-    pocket : number of the pocket of compressed air that a dry control volume belongs to, -1 where
-        the air has a given pressure, (N,).
-    compliance : of each pocket, volume per pressure and time step [m3/(Pa s)].
+    fixed : prescribed pressure of nodes (N,) [Pa], nan elsewhere.
+    source : flow that enters each node (N,) [m³/s].
+    tied : gates at a flow rate: rows of their nodes, and the rate of all together [m³/s].
+    contact : conductance of nodes to a pressure ``outside`` (N,) [m³/(Pa s)].
+    outside : (N,) [Pa].
+    air : pressure at the front in each control volume (N,) [Pa].
+    height : ρ g·x (N,) [Pa].
+    pocket : number of the pocket of compressed air of a dry control volume, -1 where the pressure
+        of the air is prescribed, (N,).
+    hole : pressure that cells take from nodes in the hole of a gate at a pressure (N,) [Pa], nan
+        elsewhere. See :attr:`.filling.Filling.pressure`.
+    in_hole : pressure of the hole less that of its nodes, where the gate has a rate (N,) [Pa].
+    compliance : of each pocket, volume per pressure and time step [m³/(Pa s)].
     lift : cells that the pressure thickens.
-    hole : pressure [Pa] that cells take from nodes in the hole of a gate at a pressure, nan
-        elsewhere, (N,); in_hole : the hole's pressure less that of its nodes [Pa] where the gate
-        has a rate, (N,). See :attr:`.filling.Filling.pressure`.
-    room : pore volume over the time step that the front should come to rest in [m3/s], (N,); None
-        where the front is as it stands. See :meth:`_System._close_front`.
-    wider : factors of the edges' conductances, (E,); None where all are 1. See
+    room : pore volume over the time step in which the front should come to rest (N,) [m³/s]; None
+        for a front at its present position. See :meth:`_System._close_front`.
+    wider : factors on the conductances of the edges (E,); None where all are 1. See
         :func:`.holes.widening`.
     sinking : columns that are filled through the thickness, where there is a flow medium.
     """
@@ -101,7 +104,10 @@ class Boundary:
     sinking: Sinking | None = None
 
     def of_cells(self, full: np.ndarray, resin: np.ndarray) -> np.ndarray:
-        """Pressures (N,) that cells take from their corners, of those of the resin [Pa], (N,)."""
+        """Return the pressures (N,) [Pa] that cells take from their corners.
+
+        resin : pressures of full nodes (N,) [Pa].
+        """
         filled = np.where(np.isnan(self.hole), resin + self.in_hole, self.hole)
         return np.where(full, filled, self.air)
 
@@ -109,15 +115,18 @@ class Boundary:
 class Flow(NamedTuple):
     """Pressure and flows at one time.
 
-    potential (N,) : u [Pa]; at front volumes that of their closure, nan where it is dry.
-    pressure (N,) : [Pa], not below the air's at the front; the air's where it is dry.
-    front : where the front is; feed (P,) : flow [m3/s] along its feeding edges.
-    along (E,) : flow [m3/s] from the first to the second end of every edge, feeding ones included.
-    lifted (L,) : mean pressure [Pa] of the cells that it lifts.
-    net (N,) : what full nodes give off beyond their source [m3/s]: the flow of gates and vents at
-        their nodes, round-off at others.
-    columns : that are filled through the thickness, None where there are none;
-        sunk (P,) : what flows into each [m3/s].
+    Parameters
+    ----------
+    potential : u (N,) [Pa]; at front volumes that of their closure, nan at dry nodes.
+    pressure : (N,) [Pa], at the front not below that of the air, at dry nodes that of the air.
+    front : with its feeding edges.
+    feed : flow along the feeding edges (P,) [m³/s].
+    along : flow from the first to the second end of every edge, feeding ones included (E,) [m³/s].
+    net : flow from full nodes beyond their source (N,) [m³/s]: that of gates and vents at their
+        nodes, round-off at others.
+    lifted : mean pressure of the cells that it lifts (L,) [Pa].
+    columns : that are filled through the thickness, None where there are none.
+    sunk : flow into each of them (P,) [m³/s].
     """
 
     potential: np.ndarray
@@ -132,11 +141,11 @@ class Flow(NamedTuple):
 
     @property
     def inflow(self) -> np.ndarray:
-        """Flow into each front volume [m3/s], (K,)."""
+        """Flow into each front volume (K,) [m³/s]."""
         return np.bincount(self.front.member, self.feed, minlength=len(self.front.nodes))
 
     def filling(self) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the volumes that are being filled, and what flows into each [m3/s]."""
+        """Return the rows of the volumes that are being filled, and the flow into each [m³/s]."""
         if self.columns is None:
             return self.front.nodes, self.inflow
         both = np.concatenate([self.front.nodes, self.columns.target])
@@ -146,9 +155,12 @@ class Flow(NamedTuple):
 
 
 def longest_free_step(flow: Flow, pores: np.ndarray, height: np.ndarray) -> float:
-    """Time step [s] in which no front volume comes to rest against its resin's weight.
+    """Return the longest step [s] in which no front volume comes to rest by its resin's weight.
 
-    pores [m3], height : ρ g·x [Pa], both (N,).
+    Parameters
+    ----------
+    pores : pore volumes (N,) [m³].
+    height : ρ g·x (N,) [Pa].
     """
     front = flow.front
     rises = np.maximum(front.mean(height) - height[front.nodes], 0.0)
@@ -167,7 +179,7 @@ def solve_flow(
 ) -> Flow:
     """Return the flow for full nodes (N,) and fill factors (N,).
 
-    held : pressure [Pa] (N,) that full regions keep which nothing drives (no gate, no front).
+    held : pressure (N,) [Pa] of full regions without gate and front, which nothing drives.
     """
     front = find_front(network, conductances, full, fill)
     if boundary.wider is not None:
@@ -205,11 +217,11 @@ class _System:
         self._close_front()
 
     def _close_front(self) -> None:
-        """Potential of the air at the front, and how the front volumes share their inflow.
+        """Set the potential of the air at the front, and the resistance of front volumes.
 
-        Resin that rises in a front volume holds itself back by its weight, at the rate λ. Where a
-        time step Δt is longer than 1/λ, the way to the front counts λ Δt times: no step then
-        takes the front beyond where it comes to rest, and a shorter one is not touched.
+        Resin that rises in a front volume slows down by its weight, at the rate λ. In a time step
+        Δt longer than 1/λ the distance to the front counts λ Δt times, so that no step takes the
+        front beyond its position of rest. A shorter step does not change.
         """
         front, boundary = self.front, self.boundary
         nodes, distance = front.nodes, front.distance
@@ -217,7 +229,7 @@ class _System:
         self.air_height = below + distance * (boundary.height[nodes] - below)
         self.pocket = boundary.pocket[nodes]
         self.air = boundary.air[nodes] - self.air_height
-        # Conductances that vanish have the sign of their round-off.
+        # conductances that vanish may have either sign by round-off
         below_zero = front.flow < -1e-9 * front.total[front.member]
         negative = np.bincount(front.member, below_zero, minlength=len(nodes)) > 0
         self.resistance = distance
@@ -236,7 +248,7 @@ class _System:
         right = right - np.bincount(
             rows[column < 0], (entries * known[columns])[column < 0], minlength=self.count
         )
-        # Tied nodes have one pressure, so that their potentials differ by their height.
+        # tied nodes have one pressure, so that their potentials differ by their height
         shift = np.where(unknown >= 0, known, 0.0)
         right -= np.bincount(rows, entries * shift[columns] * (column >= 0), minlength=self.count)
         kept = (row >= 0) & (column >= 0)
@@ -253,7 +265,7 @@ class _System:
         return self._flow(np.where(self.full, potential, np.nan))
 
     def _unknowns(self, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Number of the unknown of each node, -1 for none; what its potential is beyond that."""
+        """Return the number of the unknown of each node, -1 for none, and the known addend."""
         boundary = self.boundary
         fixed = self.full & ~np.isnan(boundary.fixed)
         known = np.where(fixed, boundary.fixed - boundary.height, 0.0)
@@ -276,7 +288,7 @@ class _System:
     def _undriven(
         self, fixed: np.ndarray, leader: np.ndarray, held: np.ndarray
     ) -> list[tuple[int, float]]:
-        """One node of each full region without a given pressure, with what it keeps."""
+        """Return a node of each full region that nothing drives, and its potential [Pa]."""
         following = np.flatnonzero(leader != np.arange(self.count))
         linked = np.abs(self.flow) > 0.0
         rows = np.concatenate([self.first[linked], following])
@@ -296,7 +308,7 @@ class _System:
         lost = np.flatnonzero(self.full & ~driven[region])
         gates = [nodes for nodes, _ in self.boundary.tied]
         at_gate = np.isin(lost, np.concatenate(gates)) if gates else np.zeros(len(lost), bool)
-        # A gate's node first: what the gate would bring then stays outside.
+        # a node of a gate first, so that the flow of the gate does not enter
         lost = lost[np.argsort(~at_gate, kind="stable")]
         _, first = np.unique(region[lost], return_index=True)
         nodes = leader[lost[first]]

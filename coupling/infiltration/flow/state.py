@@ -1,4 +1,4 @@
-"""What changes while resin flows, every array once, and what a filling leaves behind."""
+"""State of a filling, every array once, and its results."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-#: Fill factor from which a control volume counts as full. What it lacks then it never gets.
+#: Fill factor from which a control volume counts as full; the rest is never filled.
 FULL = 1.0 - 1e-8
 
 
 @dataclass(frozen=True)
 class DrySpot:
-    """A pocket of air that lost its way to the vents.
+    """A pocket of air that is cut off from the vents.
 
     Parameters
     ----------
     time : when the front closed around it [s].
-    place : centre of its dry pore volume [m], shape (3,).
-    area : of the sheet that was dry in it then [m2].
-    volume : of the pores that were dry in it then [m3].
+    place : centre of its dry pore volume then [m], shape (3,).
+    area : of its dry sheet then [m²].
+    volume : of its dry pores then [m³].
     nodes : rows of its nodes then.
     """
 
@@ -35,30 +35,32 @@ class DrySpot:
 class FillingState:
     """State of a filling; a copy is a checkpoint.
 
-    All arrays are per node (N,) unless said otherwise.
+    Arrays are per node (N,) where nothing else is stated.
 
     Parameters
     ----------
     time : [s].
     step_count : time steps so far.
-    next_step : size of the last time step [s] that the front asked for; 0 in the beginning.
-    resin_volume : [m3] in each control volume.
-    full : whether it is full, and passes on what it receives.
+    next_step : last size of the time step by the front [s]; 0 at the start.
+    resin_volume : in each control volume [m³].
+    full : whether a control volume is full, so that resin flows through it.
     fill : fill factor 0 to 1: resin over pore volume.
-    pressure : [Pa]; that of the air where no resin is.
-    air_pressure : [Pa] of the air in each control volume.
+    pressure : [Pa]; without resin that of the air.
+    air_pressure : of the air in each control volume [Pa].
     fill_time : when the front passed the node [s]; nan where it is dry.
-    cure : degree of cure; temperature [K] of the resin.
-    film : thickness of the resin film that lies on the sheet [m].
-    impregnated : depth to which the film's resin has entered [m].
+    cure : degree of cure of the resin.
+    temperature : of the resin [K].
+    film : thickness of the resin film on the sheet [m].
+    impregnated : depth to which resin of the film has entered [m].
     thickness, thickness_rate : of the cells, (C,) [m], [m/s].
     lift, lift_reference : rate of the thickness per pressure above a reference, of the cells, (C,)
         [m/(s Pa)], [Pa].
     points : node positions [m], (N, 3).
-    injected : volume [m3] that entered through each gate, (G,); vented: that left through each
-        vent, (V,).
-    gate_pressure, gate_rate : [Pa], [m3/s] of each gate in the last step, (G,); nan if closed.
-    started_volume : resin in the sheet at the start [m3]; from_film: entered from the film.
+    injected : volume that entered through each gate, (G,) [m³].
+    vented : volume that left through each vent, (V,) [m³].
+    gate_pressure, gate_rate : of each gate in the last step, (G,) [Pa], [m³/s]; nan if closed.
+    started_volume : resin in the sheet at the start [m³].
+    from_film : resin that entered from the film [m³].
     film_cure : cure of the film.
     enclosed : whether the node is in a pocket of air that no open vent reaches.
     dry_spots : in the order of their closing.
@@ -107,7 +109,7 @@ class FillingState:
 
     @property
     def balance_error(self) -> float:
-        """What entered and did not leave, less what is stored [m3]."""
+        """Resin that entered and did not leave, less the stored resin [m³]."""
         entered = self.started_volume + self.injected.sum() + self.from_film
         return float(entered - self.vented.sum() - self.stored)
 
@@ -127,15 +129,16 @@ class FillingFrame:
 
 @dataclass(frozen=True)
 class FillingResult:
-    """What a filling leaves behind.
+    """Result of a filling.
 
     Parameters
     ----------
     frames : saved states in the order of time.
     state : the last one.
-    outcome : ``"filled"`` (no pore is dry), ``"reached"`` (the time that was asked for),
-        ``"gelled"``, ``"no_source"`` (all gates are closed), ``"trapped"`` (what is dry cannot be
-        reached or holds air), with ``message`` in words.
+    outcome : ``"filled"`` (no pore is dry), ``"reached"`` (the end time), ``"gelled"``,
+        ``"no_source"`` (all gates are closed), ``"trapped"`` (dry pores hold air or cannot be
+        reached).
+    message : the outcome in words.
     """
 
     frames: tuple[FillingFrame, ...]

@@ -1,11 +1,11 @@
 """One time step of a filling: pressure, front, transport.
 
-The flow is quasi-static. A step takes the flow at its start, moves the front with it as far as it
-gets, takes the flow there, and moves the front from the start with the mean of both (Heun). Both
-flows are those through one interface, that between the volumes that are full at the start and the
-others; what a volume receives beyond its pores goes on to its neighbours
-(:mod:`lcmchain.coupling.infiltration.flow.motion`), so that the front may cross many control
-volumes in a step and every step conserves resin to round-off.
+The flow is quasi-static. A step computes the flow at its start and moves the front by it, computes
+the flow there, and moves the front from the start by the mean of both (Heun). Both flows cross the
+same interface, between the volumes that are full at the start and the others. Resin beyond the
+pores of a volume goes on to its neighbours (:mod:`lcmchain.coupling.infiltration.flow.motion`), so
+that the front may cross many control volumes in a step, and every step conserves resin to
+round-off.
 """
 
 from __future__ import annotations
@@ -39,21 +39,22 @@ from lcmchain.coupling.infiltration.flow.pressure import Work, longest_free_step
 from lcmchain.coupling.infiltration.flow.state import FillingState
 from lcmchain.errors import SimulationError
 
+#: Most reductions of a time step.
 MOST_CUTS = 60
-#: Times that air may come in before a step, each time where the front has gone back to.
+#: Most times that air comes in before a step; each time the front goes back.
 MOST_OPENINGS = 20
-#: Resin that has no room after a jump of the pores flows in a step cut so often, else in more.
+#: Most reductions of a step in which resin without room flows off, after a jump of the pores.
 CUTS_OF_EXCESS = 12
-#: So many steps in a row, each below this share of what is left of the time, lead nowhere.
+#: Number of steps in a row below a share of the remaining time, with which a filling fails.
 MOST_TINY_STEPS, TINY = 2000, 1e-9
-#: Of time steps in which the front comes to rest against gravity: their flow lags behind.
+#: Growth of time steps in which the front comes to rest against gravity: their flow lags behind.
 MOST_GROWTH = 1.1
-# Of the pore volume, over all that is left of the time: less is no flow.
+# Flow over all the remaining time, relative to the pore volume, that counts as none.
 NO_FLOW = 1e-10
 
 
 class Present(NamedTuple):
-    """Pressures of a state: of its nodes (N,) [Pa], and pressure and rate of gates (G,)."""
+    """Pressures of the nodes (N,) [Pa], and of gates (G,) [Pa], and flow rates of gates [m³/s]."""
 
     pressure: np.ndarray
     gate_pressure: np.ndarray
@@ -61,17 +62,17 @@ class Present(NamedTuple):
 
 
 class TimeStep:
-    """Takes the time steps of a filling; remembers the flow of the state that it has looked at.
+    """Takes the time steps of a filling; keeps the flow of the present state.
 
-    The state is the same object from call to call, changed by the steps alone. If it is replaced
-    or changed in another way, :meth:`forget` comes before the next call.
+    The state must be the same object in every call, and only the steps may change it. After any
+    other change call :meth:`forget` first.
     """
 
     def __init__(self, model: FillingModel) -> None:
         self.model = model
         self._driven = DrivenFlow(model)
         self._kept: tuple[Situation, Stage] | None = None
-        # whether the state's pressure is that of its last step, and the flow of the state itself
+        # whether the state has the pressure of its last step, and the flow of the state itself
         self._behind = False
         self._looked: tuple[Situation, Stage] | None = None
         self._moments: tuple[float, ...] = ()
@@ -83,7 +84,7 @@ class TimeStep:
         return self._driven.factors.work
 
     def forget(self) -> None:
-        """The state was changed from outside."""
+        """Forget the flow: the state was changed from outside."""
         self._kept = self._looked = None
         self._behind = False
 
@@ -118,9 +119,9 @@ class TimeStep:
         )
 
     def _let_air_in(self, state: FillingState) -> None:
-        """Open the control volumes to air that would be under suction beside an open face.
+        """Let air into control volumes beside an open face that would be under suction.
 
-        Their resin may draw back from there. They keep it, and count as full again where it fills
+        Their resin may flow back from there. They keep it, and count as full again where it fills
         the pores after a time step.
         """
         faces = self.model.open_faces
@@ -145,10 +146,10 @@ class TimeStep:
         self._behind = False
 
     def present(self, state: FillingState) -> Present:
-        """Pressures of the state as it is; between two steps it holds those of the last one.
+        """Return the pressures of the present state.
 
-        A step ends with a flow through the volumes that were full before: it knows those that fill
-        in it as the front.
+        After a step the state has the pressures of that step. They belong to the volumes that were
+        full before the step: volumes that became full in it still count as the front there.
         """
         if not self._behind:
             return Present(state.pressure, state.gate_pressure, state.gate_rate)
@@ -156,7 +157,7 @@ class TimeStep:
         return Present(stage.flow.pressure, stage.gate_pressure, stage.gate_rate)
 
     def _look(self, state: FillingState) -> tuple[Situation, Stage]:
-        """Situation and flow of the present state, which the next step may begin with."""
+        """Return situation and flow of the present state, with which the next step may begin."""
         if self._looked is None:
             situation = situation_of(self.model, state)
             stage = self._driven.stage(situation, state, state.next_step or 1.0)
@@ -164,7 +165,7 @@ class TimeStep:
         return self._looked
 
     def _begin(self, state: FillingState, until: float) -> tuple[Situation, Stage, float]:
-        """Flow at the start, and the size of the step."""
+        """Return situation and flow at the start, and the size of the step."""
         model, options = self.model, self.model.options
         known = self._kept or self._looked
         situation = situation_of(model, state) if known is None else known[0]
@@ -210,7 +211,7 @@ class TimeStep:
     def _resting(
         self, situation: Situation, stage: Stage, step: float
     ) -> tuple[Situation, Stage, float]:
-        """Flow and step where the front may come to rest against gravity within the step."""
+        """Return flow and step where the front may come to rest against gravity in the step."""
         free = longest_free_step(stage.flow, situation.pores, self._driven.height())
         if step <= free:
             return situation, stage, step
@@ -218,7 +219,7 @@ class TimeStep:
         return situation, self._driven.stage(situation, situation.state, step, resting=True), step
 
     def _wish(self, stage: Stage, situation: Situation) -> float:
-        """Step in which the front crosses as many control volumes as the options say."""
+        """Return the step in which the front crosses ``front_step`` control volumes."""
         rows, inflow = stage.flow.filling()
         inflow = np.maximum(inflow, 0.0)
         squared = float(inflow @ inflow)
@@ -237,7 +238,7 @@ class TimeStep:
         return bool(turnover * left > NO_FLOW * situation.pores.sum())
 
     def _try(self, situation: Situation, stage: Stage, step: float) -> float:
-        """Take a step of this size; if it is too large, return the share of it to try next."""
+        """Take a step of this size; return 1, or the share of it to try next if it is too large."""
         model, state = self.model, situation.state
         if stage.step != step and (situation.excess < 0.0).any():
             stage = self._driven.stage(situation, state, step)
@@ -290,14 +291,14 @@ class TimeStep:
         return model.medium.conductances(ahead.thickness, fluidity)
 
     def _snapped(self, time: float) -> float:
-        """The time, or the moment that the step was meant to reach if it is that to round-off."""
+        """Return the time, without round-off where it is one that the step was to reach."""
         for moment in self._moments:
             if abs(time - moment) <= 1e-12 * abs(moment):
                 return moment
         return time
 
     def _before_trigger(self, state: FillingState, fill_time: np.ndarray, step: float) -> float:
-        """Share of the step after which the front reaches a node that opens or closes a place."""
+        """Return the share of the step after which the front opens or closes a gate or vent."""
         watched = self.model.supply.watched
         new = watched[np.isnan(state.fill_time[watched]) & ~np.isnan(fill_time[watched])]
         if not len(new):

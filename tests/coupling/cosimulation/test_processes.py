@@ -168,9 +168,9 @@ def test_states_are_given_back_with_the_next_call(units, assembled):
     part.advance(0.1)
     assert np.array_equal(part.get_fields(["y"])["y"], first["y"])
     del saved
-    assert part.instance._given_back == [1]
+    assert part.instance._released == [1]
     part.restore(content)
-    assert part.instance._given_back == [2]  # the first was brought, the second is that of a file
+    assert part.instance._released == [2]  # the first was brought, the second is that of a file
     part.advance(0.1)
     assert np.array_equal(part.get_fields(["sum"])["sum"], first["sum"])
 

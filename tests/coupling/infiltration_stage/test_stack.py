@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lcmchain.coupling.closing.mould import Mould
-from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.infiltration.cell_permeability import factor_of
 from lcmchain.coupling.infiltration.files import read_checkpoint, write_checkpoint
 from lcmchain.coupling.infiltration.flow.preform import kozeny_factor
@@ -16,7 +14,9 @@ from lcmchain.coupling.infiltration.formed_part import read_formed_part, with_pe
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill, fill_part
+from lcmchain.coupling.mould import Mould
 from lcmchain.coupling.permeability import principal_permeabilities
+from lcmchain.coupling.solids.stack_compaction import compaction_of
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.ugrid import UgridMesh

@@ -5,7 +5,6 @@ import pytest
 import xarray as xr
 
 from lcmchain import cli
-from lcmchain.coupling.closing.mould import Mould, begin
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.setup import set_up
@@ -16,10 +15,11 @@ from lcmchain.coupling.iteration import (
     fixed_point,
     fixed_stress_exchanges,
 )
+from lcmchain.coupling.mould import Mould, begin
 from lcmchain.coupling.precice_adapter.adapter import Adapter
 from lcmchain.coupling.precice_adapter.case import read_case
 from lcmchain.coupling.precice_adapter.example import write_example
-from lcmchain.coupling.precice_adapter.parts import build_part
+from lcmchain.coupling.precice_adapter.run import build_part
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import UgridMesh

@@ -1,12 +1,17 @@
-"""Cells and materials for the solid sides."""
+"""Cells and materials for the solid sides; lets the tests of this folder import what they share."""
 
 from __future__ import annotations
+
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lcmchain.coupling.solids.compaction_law import CellCompaction
 from lcmchain.scene import scene_from_text
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 MATERIALS = {
     "fabric": 'preset = "MD600"',

@@ -11,6 +11,7 @@ Source: Correia, Robitaille, Long, Rudd, Simacek, Advani: Compos. Part A 36 (200
 from __future__ import annotations
 
 import numpy as np
+from saturated_strip import Strip, coupled_strip
 from scipy.integrate import solve_bvp
 from scipy.linalg import solve_banded
 
@@ -24,7 +25,6 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.closures import Bag
 from lcmchain.coupling.solids.local import LocalCompaction
-from lcmchain.coupling.solids.strip import Strip, coupled_strip
 
 LENGTH, WIDTH, VISCOSITY = 0.3, 0.02, 0.1
 BAG, INLET = 1.0e5, 0.95e5  # over the vent's pressure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from saturated_strip import Strip, coupled_strip
 from scipy.integrate import solve_ivp
 
 from lcmchain.coupling.iteration import fixed_point, iqn_ils
@@ -11,7 +12,6 @@ from lcmchain.coupling.iteration.consolidation import degree_of_consolidation
 from lcmchain.coupling.iteration.interface import PORE_PRESSURE
 from lcmchain.coupling.solids.closures import Bag, Gap, Press
 from lcmchain.coupling.solids.local import LocalCompaction
-from lcmchain.coupling.solids.strip import Strip, coupled_strip
 
 LENGTH, WIDTH = 0.1, 0.02
 VISCOSITY = 0.1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from saturated_strip import Strip
 
 from lcmchain.coupling.iteration import CoupledPart, CoupledSystem, Exchange, iqn_ils
 from lcmchain.coupling.iteration.interface import (
@@ -13,7 +14,6 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE_SLOPE,
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming
-from lcmchain.coupling.solids.strip import Strip
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.model import build_model

@@ -9,7 +9,7 @@ from strips import bleeding_at_both_ends, wet
 
 from lcmchain.coupling.solids.stack import StackForming
 from lcmchain.coupling.solids.tool_loads import fibre_forces
-from lcmchain.coupling.wet_forming.moving_permeability import through_columns
+from lcmchain.coupling.wet_forming.sheet import through_columns
 from lcmchain.errors import InputError
 from lcmchain.interfaces.in_frames import GAP, PRESSED
 from lcmchain.model import build_model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from strips import PERMEABILITY, VISCOSITY, between_plates, bleeding_at_both_ends, wet
 
-from lcmchain.coupling.solids.inner_faces import PliesInColumns
+from lcmchain.coupling.solids.stack import PliesInColumns
 from lcmchain.coupling.solids.tool_loads import _fluid_forces
 from lcmchain.errors import InputError
 from lcmchain.scene import scene_from_text

@@ -1,19 +1,17 @@
-"""A mould that closes on a part while resin flows: textile and resin, brought to agree.
+"""A mould that closes on a part while resin flows: textile and resin, coupled.
 
-Every cell is compressed along its normal by what presses on it, and lies still in its plane, as
-between rigid tools or under a bag: Terzaghi's total pressure is borne by fibres and resin. The
-cells squeeze the resin that flows between them (:class:`FillingPart`); its pressure lifts them
-(:class:`LocalCompaction`).
+Every cell is compressed along its normal and does not move in its plane, as between rigid tools or
+under a bag: fibres and resin bear Terzaghi's total pressure. The cells squeeze the resin that flows
+between them (:class:`FillingPart`), and its pressure lifts them (:class:`LocalCompaction`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.coupling.closing.textile import compaction_of
 from lcmchain.coupling.filling_part import FillingPart
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh
@@ -33,18 +31,22 @@ from lcmchain.coupling.solids import closures
 from lcmchain.coupling.solids.closures import value_at
 from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.coupling.solids.local import LocalCompaction
+from lcmchain.coupling.solids.stack_compaction import compaction_of
 from lcmchain.scene import boundaries as scene
 
-#: Windows of a filling where its scene does not say; they may become so much shorter and longer.
+# --- A mould that closes on a part while resin flows: textile and resin, brought to agree -------
+
+
+#: Default number of windows of a filling, and the factors by which windows may shrink and grow.
 WINDOWS = 200
 SHORTEST = 1e-4
 LONGEST = 4.0
-#: Share of the first correction where resin bears most of a force: it answers many times over.
+#: Relaxation of the first iteration where resin bears most of a force, which overreacts.
 CAREFUL = 0.01
 
 
 class ClosingForce(NamedTuple):
-    """What presses on all cells along the direction of closing [N]: fibres, resin, and both."""
+    """Force on all cells along the direction of closing [N]: of fibres, of resin, and both."""
 
     total: float
     fibres: float
@@ -52,10 +54,14 @@ class ClosingForce(NamedTuple):
 
 
 class Begun(NamedTuple):
-    """Textile of a part that a closure presses, at the start of its filling.
+    """Textile of a part under a closure, at the start of its filling.
 
-    law, solid : of the textile, and its cells at their thickness. across : share of each cell's
-    area that the direction of closing sees, (C,). wet : whether resin bears a part from the start.
+    Parameters
+    ----------
+    law : of the textile.
+    solid : its cells at their thickness.
+    across : share of each cell's area across the direction of closing, (C,).
+    wet : whether resin bears a part of the pressure from the start.
     """
 
     law: CompactionLaw
@@ -65,16 +71,16 @@ class Begun(NamedTuple):
 
 
 def begin(part: FormedPart, fluid: FillingPart, case: scene.Closure) -> Begun:
-    """Bring a filling and its textile to the start that a closure asks for.
+    """Bring a filling and its textile to the start under a closure.
 
-    Where the part is pressed dry, cells have the thickness that their fibres bear alone. Where it
-    is pressed wet, cells with resin have that of the forming, and the resin the pressure that the
-    fibres leave. The filling takes thickness and pressures.
+    Where the part is pressed dry, the fibres bear the whole pressure, which gives the thickness.
+    Where it is pressed wet, cells with resin keep the thickness of the forming, and the resin bears
+    the pressure that the fibres do not. The filling takes thickness and pressures.
 
     Raises
     ------
-    InputError : the part does not say what textile it is.
-    SimulationError : the textile cannot bear what presses on it.
+    InputError : the file of the part does not hold its textile.
+    SimulationError : the textile cannot bear the pressure.
     """
     filling = fluid.filling
     law, mesh = compaction_of(part), filling.mesh
@@ -86,7 +92,7 @@ def begin(part: FormedPart, fluid: FillingPart, case: scene.Closure) -> Begun:
     if getattr(case, "pressed", "dry") != "dry":
         wet = _wet_cells(filling)
     if isinstance(case, scene.Press):
-        wet[:] = wet.any()  # one gap for all: what is wet carries the tool
+        wet[:] = wet.any()  # one gap for all: wet cells carry the tool
     past = law.history.copy()
     solid = LocalCompaction(
         law, outside, mesh.areas, pore_pressure=pressure, centres=mesh.centroids
@@ -107,19 +113,19 @@ def begin(part: FormedPart, fluid: FillingPart, case: scene.Closure) -> Begun:
 
 
 class Mould:
-    """A filling whose part is pressed together; stands in for the filling where it advances.
+    """A filling under a closure; it advances in place of the filling.
 
     Parameters
     ----------
-    part : that the resin flows through. It is pressed dry, before its resin comes, or wet: then
-        it is as thick as it was formed where resin is, and the resin bears what the fibres do not.
-    filling : at its start; its thickness is set to what the closure makes of it.
-    case : closure of the scene. time : when the filling ends [s].
+    part : that the resin flows through; :func:`begin` says how it is pressed at the start.
+    filling : at its start; its thickness is set to that under the closure.
+    case : closure of the scene.
+    time : end of the filling [s].
 
     Raises
     ------
-    InputError : the part does not say what textile it is.
-    SimulationError : the textile cannot bear what presses on it.
+    InputError : the file of the part does not hold its textile.
+    SimulationError : the textile cannot bear the pressure.
     """
 
     def __init__(
@@ -133,16 +139,16 @@ class Mould:
 
     @property
     def history(self) -> History:
-        """How the windows converged."""
+        """Convergence of the windows."""
         return self._system.history
 
     @property
     def force(self) -> ClosingForce:
-        """What presses on the part now."""
+        """Present force on the part."""
         pressure = self._fluid.get_fields([PORE_PRESSURE])[PORE_PRESSURE]
-        seen = self._across * self.solid.area
-        fibres = float(seen @ self.law.pressure(self.solid.thickness))
-        resin = float(seen @ pressure)
+        area = self._across * self.solid.area
+        fibres = float(area @ self.law.pressure(self.solid.thickness))
+        resin = float(area @ pressure)
         return ClosingForce(fibres + resin, fibres, resin)
 
     def advance(
@@ -167,44 +173,50 @@ class Mould:
             return "filled", f"all pores are full, and {until:.6g} s are reached"
         return "reached", f"{until:.6g} s are reached"
 
-    def save(self) -> Any:
+    def save(self) -> dict[str, Any]:
         """Return a copy of the whole state."""
         return self._system.save()
 
-    def restore(self, saved: Any) -> None:
+    def restore(self, saved: Mapping[str, Any]) -> None:
         """Go back to a saved state; going on from it is bit-identical."""
         self._system.restore(saved)
 
 
 def _wet_cells(filling: Filling) -> np.ndarray:
-    """Cells (C,) with resin in the control volume of a corner."""
+    """Whether a cell has resin in the control volume of a corner (C,)."""
     cells = filling.mesh.cells
     return ((filling.state.fill[cells] > 0.0) & (cells >= 0)).any(axis=1)
 
 
 def _swells(filling: Filling) -> bool:
-    """Whether resin or air can come into the pores: vents let only out.
+    """Whether resin or air can enter the pores; through vents they only leave.
 
-    Under a bag cells exchange resin in any case, and the equations of the resin know how they
-    answer to its pressure.
+    Not asked under a bag: there cells exchange resin in any case, and the equations of the resin
+    contain their compliance.
     """
     return bool(filling.supply.gates) or filling.film is not None or not filling.state.full.all()
 
 
 def _borne(
-    case: scene.Closure, law: CompactionLaw, start: np.ndarray, seen: np.ndarray
+    case: scene.Closure, law: CompactionLaw, start: np.ndarray, area: np.ndarray
 ) -> np.ndarray:
-    """Pressure (C,) [Pa] that is left for the resin at the start, before any of it has left."""
+    """Return the pressure (C,) [Pa] that the resin bears at the start, before any flows out.
+
+    Parameters
+    ----------
+    start : thickness of the cells (C,) [m].
+    area : of the cells across the direction of closing (C,) [m²].
+    """
     fibres = law.pressure(start)
     if isinstance(case, scene.Bag):
         return value_at(_over_time(case.pressure, case.times), 0.0) - fibres
     assert isinstance(case, scene.Press)
-    force = value_at(_over_time(case.force, case.times), 0.0) - float(seen @ fibres)
-    return np.full_like(start, force / float(seen.sum()))
+    force = value_at(_over_time(case.force, case.times), 0.0) - float(area @ fibres)
+    return np.full_like(start, force / float(area.sum()))
 
 
 def _press_resin(filling: Filling, of_cells: np.ndarray) -> None:
-    """Give the resin the pressure of the cells (C,) [Pa] that its control volumes lie in."""
+    """Set the pressure of full control volumes to the mean of their cells' pressures (C,) [Pa]."""
     state, network = filling.state, filling.medium.network
     of_nodes = network.corner_sum(network.corner_areas * of_cells[:, None])
     mean = of_nodes / filling.medium.node_area
@@ -212,9 +224,9 @@ def _press_resin(filling: Filling, of_cells: np.ndarray) -> None:
 
 
 def closure_of(case: scene.Closure, formed: np.ndarray, across: np.ndarray) -> closures.Closure:
-    """Return what presses on cells of a formed thickness (C,) [m].
+    """Return the closure of a scene for cells of a formed thickness (C,) [m].
 
-    across : share of a cell's area that the direction of closing sees, (C,).
+    across : share of each cell's area across the direction of closing, (C,).
     """
     if isinstance(case, scene.Bag):
         return closures.Bag(_over_time(case.pressure, case.times))
@@ -234,7 +246,7 @@ def _over_time(
 
 
 def seen_across(mesh: FlowMesh, direction: tuple[float, float, float] | None) -> np.ndarray:
-    """Share of each cell's area that a direction sees, |n·d|; all of it along the normals."""
+    """Return the share of each cell's area across a direction, |n·d| (C,); 1 without direction."""
     if direction is None:
         return np.ones(mesh.cell_count)
     unit = np.array(direction) / np.linalg.norm(direction)
@@ -244,12 +256,13 @@ def seen_across(mesh: FlowMesh, direction: tuple[float, float, float] | None) ->
 def _coupled(
     solid: LocalCompaction, fluid: FillingPart, case: scene.Closure, time: float, *, wet: bool
 ) -> CoupledSystem:
-    """Textile and resin; where the gap is given, no iteration can change the thickness.
+    """Return textile and resin as a system.
 
-    Under a bag every cell answers to its own pressure, and the resin takes that answer into its
-    equations (fixed-stress split). Under a press all cells have one gap, to which the pressure of
-    none matters much: the quasi-Newton iteration finds it by itself. Where resin bears most of the
-    force from the start, as in a preform that is pressed wet, its first step is a careful one.
+    Where the gap is prescribed, the pressure does not change the thickness: nothing is iterated.
+    Under a bag every cell depends on its own pressure, and the equations of the resin contain this
+    dependence (fixed-stress split). Under a press all cells have one gap, on which the pressure of
+    a single cell has little influence: the quasi-Newton iteration finds it alone. Where resin bears
+    most of the force from the start, as in a preform that is pressed wet, its first step is short.
     """
     first = min(time / WINDOWS if case.window is None else case.window, time)
     exchanges = [

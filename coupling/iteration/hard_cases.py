@@ -1,4 +1,8 @@
-"""Hard for the coupling: stiff exchange of pressure and volume between a solid and a fluid."""
+"""Hard cases of the coupling: stiff exchange of pressure and volume between solid and fluid.
+
+The core does not import what is built on it. ``lcmchain verify hard-cases`` imports this file, so
+that its cases are on the list of all hard cases.
+"""
 
 from __future__ import annotations
 
@@ -148,7 +152,7 @@ def hardening_column(name: str, full: bool) -> Iterator[CaseResult]:
 
 @hard_case("coupling_that_fails", THEME)
 def coupling_that_fails(name: str, full: bool) -> Iterator[CaseResult]:
-    """A fixed point that cannot converge must stop the run, not hand on what it has.
+    """A fixed point that cannot converge must stop the run, not go on with what it has.
 
     The message names the exchange, the cell, its place and the excess.
     """

@@ -27,8 +27,9 @@ from lcmchain.coupling.iteration.interface import (
     VOLUME_RATE,
     VOLUME_RATE_SLOPE,
     Fields,
+    checked_field,
+    selected_fields,
 )
-from lcmchain.coupling.solids.fields import checked, chosen
 from lcmchain.errors import InputError
 
 
@@ -103,11 +104,11 @@ class Strip:
         for name, values in fields.items():
             if name not in self.takes:
                 raise InputError(f'"{name}" is no input of a strip')
-            self._fields[name] = checked(name, values, self._fields[THICKNESS].size)
+            self._fields[name] = checked_field(name, values, self._fields[THICKNESS].size)
 
     def get_fields(self, names: Sequence[str]) -> Fields:
         """Return the pressure, or inputs."""
-        return chosen(names, self._fields)
+        return selected_fields(names, self._fields)
 
 
 def coupled_strip(
