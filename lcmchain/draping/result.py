@@ -17,7 +17,7 @@ from lcmchain.fields.sheet import COURSE, JOINT_GAP
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
 from lcmchain.scene import Scene
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -1,7 +1,9 @@
-"""Layout of elements in blocks of 16 lanes, in flat arrays ``[(block * rows + row) * 16 + lane]``.
+"""Elements in blocks of 16 lanes, and nodes in spans of 16.
 
-One loop over the lanes of a block around straight-line code is what the compiler turns into packed
-instructions.
+The constants of elements lie in flat arrays ``[(block * rows + row) * 16 + lane]``, what is worked
+out for a span of neighbouring nodes in rows of one scratch array. One loop of one length over the
+lanes of such rows is what the compiler turns into packed instructions, without asking which arrays
+may overlap.
 """
 
 from __future__ import annotations
@@ -11,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.compilation.cache_lines import aligned
+from lcmchain.jit import equation
+from lcmchain.packs import PACK
 
 LANES = 16
 # Indices read from arrays are taken as unsigned: for a signed one every access first asks whether
@@ -88,3 +92,27 @@ def own_blocks(rows: np.ndarray) -> SharedBlocks:
     values = aligned(in_blocks(rows))
     size = rows.shape[1] * LANES
     return SharedBlocks(values, np.arange(values.size // size, dtype=np.int32) * np.int32(size))
+
+
+#: Nodes of a span, as many as a block has lanes.
+SPAN = LANES
+#: Spans of a chunk of nodes, the work that one thread does at a time; chunks are numbered body by
+#: body, and the last one of a body may be shorter.
+SPANS_OF_CHUNK = 8
+NODE_CHUNK = SPANS_OF_CHUNK * SPAN
+#: Packs of nodes in a chunk.
+PACKS_OF_CHUNK = NODE_CHUNK // PACK
+
+
+@equation
+def vector_at(work, row, i):
+    """Return three rows at a node."""
+    return (work[row * SPAN + i], work[(row + 1) * SPAN + i], work[(row + 2) * SPAN + i])
+
+
+@equation
+def put_vector(work, row, i, a):
+    """Write a vector to three rows at a node."""
+    work[row * SPAN + i] = a[0]
+    work[(row + 1) * SPAN + i] = a[1]
+    work[(row + 2) * SPAN + i] = a[2]

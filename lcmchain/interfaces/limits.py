@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from lcmchain.elements.blocks import SPAN
 from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
 from lcmchain.jit import entry
-from lcmchain.tools.span_rows import SPAN
 
 
 def omega2_bound(model: Any, state: Any) -> float:

@@ -14,13 +14,13 @@ import numpy as np
 
 from lcmchain.compilation.cache_lines import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
+from lcmchain.elements.blocks import NODE_CHUNK, SPAN
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.cells import by_node
 from lcmchain.quantities.places import millimetres
-from lcmchain.tools.span_rows import NODE_CHUNK, SPAN
 
 #: No facet, no neighbour, no interface.
 NONE = -1

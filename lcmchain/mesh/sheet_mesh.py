@@ -15,20 +15,31 @@ NO_NODE = -1
 
 
 class SheetMesh(Protocol):
-    """Mesh of an undeformed sheet with its fibre directions.
+    """Mesh of an undeformed sheet with its fibre directions."""
 
-    node_positions : (node_count, 3) [m]. elements : (element_count, corner_count) node numbers.
-    fibre_direction_1, fibre_direction_2 : unit vectors (element_count, 3).
-    thickness : initial [m]. has_thickness : whether the elements know their present thickness.
-    element_areas : initial (element_count,) [m²].
-    """
+    @property
+    def node_positions(self) -> np.ndarray:
+        """Positions (node_count, 3) [m]."""
 
-    node_positions: np.ndarray
-    elements: np.ndarray
-    fibre_direction_1: np.ndarray
-    fibre_direction_2: np.ndarray
-    thickness: float
-    has_thickness: bool
+    @property
+    def elements(self) -> np.ndarray:
+        """Node numbers (element_count, corner_count)."""
+
+    @property
+    def fibre_direction_1(self) -> np.ndarray:
+        """Unit vectors (element_count, 3)."""
+
+    @property
+    def fibre_direction_2(self) -> np.ndarray:
+        """Unit vectors (element_count, 3)."""
+
+    @property
+    def thickness(self) -> float:
+        """Of the undeformed sheet [m]."""
+
+    @property
+    def has_thickness(self) -> bool:
+        """Whether the elements know their present thickness."""
 
     @property
     def node_count(self) -> int: ...
@@ -37,7 +48,8 @@ class SheetMesh(Protocol):
     def element_count(self) -> int: ...
 
     @property
-    def element_areas(self) -> np.ndarray: ...
+    def element_areas(self) -> np.ndarray:
+        """Areas of the undeformed elements (element_count,) [m²]."""
 
     @property
     def sheet_faces(self) -> np.ndarray:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
+from lcmchain.elements.blocks import PACKS_OF_CHUNK
 from lcmchain.jit import kernel, span_routine, uncounted_routine
 from lcmchain.packs import PACK, load_vector, store
 from lcmchain.tools.pack_distance import DISTANCE_PACKS, pack_distance
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 
 @kernel

@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.elements.blocks import LANES
+from lcmchain.elements.blocks import LANES, PACKS_OF_CHUNK
 from lcmchain.jit import standalone_routine
 from lcmchain.packs import PACK, load_lanes, pack_of, store_vector
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 
 class SlotRuns(NamedTuple):

@@ -25,7 +25,7 @@ from lcmchain.solver.guards import when
 from lcmchain.stages import StageTables
 from lcmchain.state import START_OVERLAP, State
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
+from lcmchain.tools.table import OVERLAP_TOLERANCE
 
 #: How deep a ply may be laid into another one, in parts of the thickness of the thinner one. A
 #: point that is found inside another ply begins without force there; a sheared flange is thicker by

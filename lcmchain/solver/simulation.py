@@ -61,7 +61,7 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
-from lcmchain.tools.turn import lever, turning
+from lcmchain.tools.table import lever, turning
 
 #: Files that register what interactions do in a step; without them they would do nothing.
 ACTING = (

@@ -32,8 +32,8 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE, ROUNDING
 from lcmchain.tools.motion import GUIDED
+from lcmchain.tools.table import OVERLAP_TOLERANCE, ROUNDING
 
 
 def is_over(model: Model, state: State) -> bool:

@@ -1,4 +1,17 @@
-"""Rigid tools: shapes as signed distances, and their motion."""
+"""Rigid tools: shapes as signed distances, and their motion.
+
+    [[tools]] of a scene: Tool ─┬─ shapes ─▶ profiles, or distance fields of surfaces ─┐
+       (tool.py)                └─ motion ─▶ travel over time, or mass and load ───────┤
+                                                                                       ▼
+        gap and normal at a point ◀── distance, pack_distance ◀── ToolTable (table.py)
+
+- ``profiles.py``: plane curves of lines and arcs; ``profile_corners.py`` makes them from corner
+  points and fillet radii.
+- ``surfaces``: surfaces from mesh files, made sound, and their distance fields.
+- ``distance.py``: what contact asks for one point; ``pack_distance.py``: for eight nodes at once.
+- ``closest_gap.py``: how close two tools come to each other on their way.
+- ``drawing.py``: triangles of tools for pictures.
+"""
 
 from __future__ import annotations
 

@@ -1,18 +1,27 @@
-"""All tools of a scene as plain arrays, in one tuple type that every compiled kernel takes."""
+"""All tools of a scene as plain arrays, in one tuple type that every compiled kernel takes.
+
+What depends on the travel of a tool alone is answered here for whole arrays of points; the compiled
+equations for one point stand in :mod:`lcmchain.tools.distance`.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.tools.distance import REVOLVED
-from lcmchain.tools.level_part import COLUMNS, level_part
+from lcmchain.tools.distance import REVOLVED, gaps
 from lcmchain.tools.motion import GUIDED
-from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
+from lcmchain.tools.profiles import CORNER_COLUMNS, LEVEL_PART_COLUMNS, SEGMENT_COLUMNS, level_part
 from lcmchain.tools.tool import Tool
+
+#: Deepest overlap of a tool with the blank that still counts as touching, in parts of thickness.
+OVERLAP_TOLERANCE = 0.01
+#: Overlap in parts of thickness that is rounding, and too little to hold any energy.
+ROUNDING = 1e-6
 
 
 class ToolTable(NamedTuple):
@@ -31,7 +40,7 @@ class ToolTable(NamedTuple):
         angle [rad], and its direction is 0.
     friction : Coulomb friction coefficients, shape [T].
     initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
-        :mod:`lcmchain.tools.initial_overlap`.
+        :func:`without_initial_overlap`.
     motion_kind : FIXED, PRESCRIBED or GUIDED, shape [T].
     mass, force, damping, gravity_along, ramp : of guided tools: mass [kg], force along the
         direction [N], viscous damping [N s/m], acceleration of gravity along the direction
@@ -50,7 +59,8 @@ class ToolTable(NamedTuple):
         entries table_start[t] to table_start[t + 1].
     segment_start, segments, corner_start, corners : profiles one after the other, see
         `Profile.segments` and `Profile.corners`.
-    level_part : of the profiles, shape [T, 5], see :mod:`lcmchain.tools.level_part`.
+    level_part : of the profiles, shape [T, 5], see
+        :func:`lcmchain.tools.profiles.level_part`.
     spacing, grid_origin, grid_shape, box, grid_start, coefficients, far_bound : distance fields one
         after the other, in local coordinates; see `DistanceField`.
     """
@@ -130,21 +140,21 @@ def build_tool_table(
         tool.shape.table_entries(
             directory,  # type: ignore[arg-type]
             key=f"{key}.shape",
-            blank=None if blank is None else in_frame_of(tool, own, blank),
+            blank=None if blank is None else in_frame_of(tool, frame, blank),
         )
-        for tool, key, own in zip(tools, keys, axes)
+        for tool, key, frame in zip(tools, keys, axes)
     ]
     motions = [
-        tool.motion.table_entries(own[2], process_time, key=f"{key}.motion")
-        for tool, own, key in zip(tools, axes, keys)
+        tool.motion.table_entries(frame[2], process_time, key=f"{key}.motion")
+        for tool, frame, key in zip(tools, axes, keys)
     ]
-    rotations = [tool.shape.oriented(own) for tool, own in zip(tools, axes)]
+    rotations = [tool.shape.oriented(frame) for tool, frame in zip(tools, axes)]
     rows = [{**shape, **motion} for shape, motion in zip(shapes, motions)]
 
     def column(name, dtype=float, width=()):
         return np.array([row[name] for row in rows], dtype=dtype).reshape(len(rows), *width)
 
-    def parts(name):
+    def arrays(name):
         return [row[name] for row in rows]
 
     count = len(tools)
@@ -180,27 +190,52 @@ def build_tool_table(
         stroke_distance=column("stroke_distance"),
         stroke_start=column("stroke_start"),
         stroke_end=column("stroke_end"),
-        table_start=_starts(parts("table_times")),
-        table_times=_joined(parts("table_times"), np.zeros(0)),
-        table_travels=_joined(parts("table_travels"), np.zeros(0)),
-        segment_start=_starts(parts("segments")),
-        segments=_joined(parts("segments"), np.zeros((0, SEGMENT_COLUMNS))),
-        corner_start=_starts(parts("corners")),
-        corners=_joined(parts("corners"), np.zeros((0, CORNER_COLUMNS))),
+        table_start=_starts(arrays("table_times")),
+        table_times=_joined(arrays("table_times"), np.zeros(0)),
+        table_travels=_joined(arrays("table_travels"), np.zeros(0)),
+        segment_start=_starts(arrays("segments")),
+        segments=_joined(arrays("segments"), np.zeros((0, SEGMENT_COLUMNS))),
+        corner_start=_starts(arrays("corners")),
+        corners=_joined(arrays("corners"), np.zeros((0, CORNER_COLUMNS))),
         level_part=np.array(
             [
                 level_part(row["segments"], row["corners"], revolved=row["kind"] == REVOLVED)
                 for row in rows
             ]
-        ).reshape(count, COLUMNS),
+        ).reshape(count, LEVEL_PART_COLUMNS),
         spacing=column("spacing"),
         grid_origin=column("grid_origin", width=(3,)),
         grid_shape=column("grid_shape", np.int64, (3,)),
         box=column("box", width=(6,)),
-        grid_start=_starts(parts("coefficients")),
-        coefficients=_joined(parts("coefficients"), np.zeros(0, np.float32)),
-        far_bound=_joined(parts("far_bound"), np.zeros(0, np.int8)),
+        grid_start=_starts(arrays("coefficients")),
+        coefficients=_joined(arrays("coefficients"), np.zeros(0, np.float32)),
+        far_bound=_joined(arrays("far_bound"), np.zeros(0, np.int8)),
     )
+
+
+def without_initial_overlap(
+    tools: ToolTable, positions: np.ndarray, offset: np.ndarray, thickness: float
+) -> ToolTable:
+    """Return tools whose small overlap with nodes at the start exerts no force.
+
+    Positions of tools are typed with a few digits, and surfaces of files are facets: what is meant
+    to touch overlaps by micrometres. Its contact springs would hold energy that nobody put in, and
+    push the sheet away at the first step. The overlap is taken for zero instead, during the whole
+    run: as if the surface of the tool lay deeper by it.
+
+    Parameters
+    ----------
+    tools : at their start; positions : of the nodes [m], shape [node_count, 3].
+    offset : distance of the sheet's surface from the nodes [m], shape [node_count].
+    thickness : of the sheet [m]; deeper overlaps than its tolerated part are left as they are.
+    """
+    positions = np.ascontiguousarray(positions, dtype=float)
+    overlap = np.zeros(tools.kind.size)
+    for tool in range(tools.kind.size):
+        deepest = -float((gaps(tools, tool, positions, 0.0) - offset).min())
+        if ROUNDING * thickness < deepest <= OVERLAP_TOLERANCE * thickness:
+            overlap[tool] = deepest
+    return tools._replace(initial_overlap=overlap)
 
 
 def yields(tools: ToolTable) -> np.ndarray:
@@ -216,9 +251,58 @@ def in_frame_of(tool: Tool, axes: np.ndarray, points: np.ndarray) -> np.ndarray:
     return (points - np.array(tool.position, dtype=float)) @ axes.T
 
 
-def _starts(parts) -> np.ndarray:
-    return np.cumsum([0, *(len(part) for part in parts)], dtype=np.int64)
+def turning(table: ToolTable) -> np.ndarray:
+    """Return which tools of a table turn, shape [T]."""
+    if table.turn_axis is None:
+        return np.zeros(table.kind.size, dtype=bool)
+    return np.array([axis.any() for axis in table.turn_axis])
 
 
-def _joined(parts, empty: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(np.concatenate([empty, *parts]), dtype=empty.dtype)
+def placed(table: ToolTable, tool: int, points: np.ndarray, travel: float) -> np.ndarray:
+    """Return points of a tool at rest [m], shape [n, 3], where it has taken them.
+
+    travel : along its direction [m], or its angle [rad].
+    """
+    rotation, shift = placement(table, tool, travel)
+    return points @ rotation.T + shift
+
+
+def placement(table: ToolTable, tool: int, travel: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rotation [3, 3] of a tool since the start, and the shift [m] that goes with it."""
+    if table.turn_axis is None or table.turn_point is None:
+        return np.eye(3), travel * table.direction[tool]
+    return rotation_and_shift(
+        table.direction[tool], table.turn_axis[tool], table.turn_point[tool], travel
+    )
+
+
+def rotation_and_shift(
+    direction: np.ndarray, axis: np.ndarray, point: np.ndarray, travel: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """As :func:`placement`, of a tool with these columns of the table, each of shape [3]."""
+    if not axis.any():
+        return np.eye(3), travel * direction
+    across = np.array(
+        [[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]]
+    )
+    rotation = np.eye(3) + math.sin(travel) * across + (1.0 - math.cos(travel)) * across @ across
+    return rotation, point - rotation @ point
+
+
+def lever(table: ToolTable, tool: int, points: np.ndarray) -> float:
+    """Return how far a tool moves at most at points [m], shape [n, 3], for its travel of 1.
+
+    1 for a travel along a direction, the largest distance from the axis [m] for an angle.
+    """
+    if table.turn_axis is None or table.turn_point is None or not table.turn_axis[tool].any():
+        return 1.0
+    arms = np.cross(table.turn_axis[tool], points - table.turn_point[tool])
+    return float(np.linalg.norm(arms, axis=1).max())
+
+
+def _starts(arrays) -> np.ndarray:
+    return np.cumsum([0, *map(len, arrays)], dtype=np.int64)
+
+
+def _joined(arrays, empty: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.concatenate([empty, *arrays]), dtype=empty.dtype)

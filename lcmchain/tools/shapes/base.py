@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.tools.distance import EXTRUDED, REVOLVED
-from lcmchain.tools.profile_surface import profile_surface
-from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile
+from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS
 from lcmchain.tools.surfaces.surface import Surface
 
 
@@ -82,24 +80,3 @@ class ToolShape(SceneModel):
         whose : the plies that the elements belong to, as in " of the ply patch".
         """
         return []
-
-
-class ProfileShape(ToolShape):
-    """Shape that a plane curve bounds, revolved or extruded."""
-
-    def profile(self, *, key: str) -> Profile:
-        """Curve of the shape in its local frame; errors as :meth:`table_entries`."""
-        raise NotImplementedError
-
-    def table_entries(
-        self, directory: Path, *, key: str, blank: np.ndarray | None = None
-    ) -> dict[str, Any]:
-        profile = self.profile(key=key)
-        return shape_entries(
-            REVOLVED if profile.revolved else EXTRUDED,
-            segments=profile.segments(),
-            corners=profile.corners(),
-        )
-
-    def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
-        return profile_surface(self.profile(key=key), reach)

@@ -1,1 +1,5 @@
-"""Tools given as surface meshes: reading, checking, and their distance field."""
+"""Tools given as surface meshes.
+
+file ─▶ reading ─▶ welded triangles ─▶ orientation ─▶ (union) ─▶ Surface ─▶ distance_field
+                                    (normals into free space)      └▶ triangle_distance (exact)
+"""

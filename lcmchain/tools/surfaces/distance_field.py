@@ -13,9 +13,14 @@ import numpy as np
 from scipy import ndimage
 
 from lcmchain.errors import InputError
-from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
-from lcmchain.tools.surfaces.narrow_band import CRACK, feature_normals, narrow_band
 from lcmchain.tools.surfaces.surface import Surface, place_text, warn
+from lcmchain.tools.surfaces.triangle_distance import (
+    CRACK,
+    closest_places,
+    feature_normals,
+    narrow_band,
+    triangle_tree,
+)
 
 #: Half-width of the band with exact distances, in grid spacings. The interpolated part is what is
 #: left after the stencil's reach (one node in each direction): penetrations up to 3 spacings.
@@ -181,14 +186,14 @@ def _refuse_overlap(surface: Surface, points: np.ndarray, h: float) -> None:
     """Raise where two points (2, 3) on either side of a jump are closest to different solids."""
     part, closed = surface.parts()
     corners = [surface.points[surface.triangles[part == number]] for number in range(len(closed))]
-    away = np.stack([closest_places(triangle_tree(own), points).distance for own in corners])
+    away = np.stack([closest_places(triangle_tree(solid), points).distance for solid in corners])
     # as close as the band takes for the same place
     near = np.flatnonzero((away <= away.min(axis=0) + CRACK * h).any(axis=1))
     if len(near) < 2 or not closed[near].all():
         return
     boxes = [
-        f"{place_text(own.min(axis=(0, 1)))} to {place_text(own.max(axis=(0, 1)))}"
-        for own in (corners[number] for number in near[:2])
+        f"{place_text(solid.min(axis=(0, 1)))} to {place_text(solid.max(axis=(0, 1)))}"
+        for solid in (corners[number] for number in near[:2])
     ]
     remedy = (
         "write union = true in the tool's shape, which unites them here, or unite"

@@ -15,8 +15,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
 from lcmchain.tools.surfaces.surface import Orientation, edges, place_text, warn
+from lcmchain.tools.surfaces.triangle_distance import closest_places, triangle_tree
 
 #: Points of the blank that are asked on which side of an open part they lie.
 WITNESSES = 500
@@ -160,8 +160,8 @@ def _inverted_closed(
     reasons: dict[str, None] = {}
     order = np.argsort(part, kind="stable")
     of_part = np.split(order, np.cumsum(np.bincount(part))[:-1])
-    own = {int(p): points[triangles[of_part[p]]] for p in np.flatnonzero(closed)}
-    for p, corners in own.items():
+    corners_of = {int(p): points[triangles[of_part[p]]] for p in np.flatnonzero(closed)}
+    for p, corners in corners_of.items():
         low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         volume = signed_volume(corners - low)
         if abs(volume) <= FLAT * float(np.linalg.norm(high - low)) ** 3:
@@ -169,7 +169,11 @@ def _inverted_closed(
             continue
         # A part that sticks out is no cavity: it overlaps.
         probes = corners[:: max(1, len(corners) // PROBES)].mean(axis=1)
-        around = [q for q in own if q != p and all(contains(own[q], probe) for probe in probes)]
+        around = [
+            q
+            for q in corners_of
+            if q != p and all(contains(corners_of[q], probe) for probe in probes)
+        ]
         if not around and volume < 0.0 and blank is not None and _contains_all(corners, blank):
             # as in the file: a mould all around the blank
             reasons["to the blank, which lies inside"] = None

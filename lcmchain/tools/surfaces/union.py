@@ -12,8 +12,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.tools.surfaces.orientation import agreeing, closed_parts, contains, signed_volume
-from lcmchain.tools.surfaces.surface import edges, place_text
-from lcmchain.tools.surfaces.welding import WELD
+from lcmchain.tools.surfaces.surface import WELD, edges, place_text
 
 #: Twice the area of a triangle, over the square of its longest side, below which it has none.
 NEEDLE = 1e-12
@@ -55,8 +54,8 @@ def united(
     if len(solids) == 1:
         return points, triangles, 1
     manifolds = []
-    for own in solids:
-        used, rows = np.unique(own, return_inverse=True)
+    for solid in solids:
+        used, rows = np.unique(solid, return_inverse=True)
         mesh = Mesh64(points[used], rows.reshape(-1, 3).astype(np.uint64))
         manifolds.append(Manifold(mesh))
         if manifolds[-1].status() != Error.NoError:
@@ -79,7 +78,7 @@ def _solids(
     """Triangles of each solid, with those of its cavities."""
     order = np.argsort(part, kind="stable")
     of_part = [triangles[rows] for rows in np.split(order, np.cumsum(np.bincount(part))[:-1])]
-    volumes = np.array([signed_volume(points[own]) for own in of_part])
+    volumes = np.array([signed_volume(points[rows]) for rows in of_part])
     solids = {k: [of_part[k]] for k in np.flatnonzero(volumes > 0.0).tolist()}
     for cavity in np.flatnonzero(volumes <= 0.0).tolist():
         middle = points[of_part[cavity][0]].mean(axis=0)
@@ -92,7 +91,7 @@ def _solids(
                 file=file,
             )
         solids[min(around, key=lambda k: volumes[k])].append(of_part[cavity])
-    return [np.concatenate(own) for own in solids.values()]
+    return [np.concatenate(pieces) for pieces in solids.values()]
 
 
 def _require_areas(points: np.ndarray, triangles: np.ndarray, file: Path) -> None:
