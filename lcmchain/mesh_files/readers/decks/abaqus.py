@@ -23,9 +23,9 @@ from lcmchain.mesh_files.file_mesh import (
     merged_blocks,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.abaqus_blocks import Block, keyword_blocks, motion
-from lcmchain.mesh_files.readers.abaqus_scope import FACES, Entry, Scope, Side
-from lcmchain.mesh_files.readers.decks import listed
+from lcmchain.mesh_files.readers.decks.abaqus_blocks import Block, keyword_blocks, motion
+from lcmchain.mesh_files.readers.decks.abaqus_scope import FACES, Entry, Scope, Side
+from lcmchain.mesh_files.readers.decks.common import listed
 from lcmchain.mesh_files.shapes import SOLID_CORNERS, SURFACE_CORNERS, base_type, corner_count
 
 # Keywords that make nodes or elements out of others: a mesh read without them has holes.

@@ -21,8 +21,8 @@ from lcmchain.mesh_files.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck, read_deck
-from lcmchain.mesh_files.readers.nastran_sets import fill_sets, property_names
+from lcmchain.mesh_files.readers.decks.nastran_cards import Card, NastranDeck, read_deck
+from lcmchain.mesh_files.readers.decks.nastran_sets import fill_sets, property_names
 from lcmchain.mesh_files.shapes import SOLID_EDGES, reordered
 
 # Blank, which stands for a property of the element's own number: no part of the mesh.

@@ -12,7 +12,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from lcmchain.mesh_files.file_mesh import Place
-from lcmchain.mesh_files.readers.decks import deck_lines, real_number
+from lcmchain.mesh_files.readers.decks.common import deck_lines, real_number
 
 
 @dataclass

@@ -17,7 +17,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import Place
-from lcmchain.mesh_files.readers.decks import deck_lines
+from lcmchain.mesh_files.readers.decks.common import deck_lines
 
 DEEPEST_INCLUDE = 5  # of decks that include decks, as in Abaqus
 #: Keywords of a mesh; INPUT= names a file with their data lines.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import Place
-from lcmchain.mesh_files.readers.decks import deck_lines, real_number
+from lcmchain.mesh_files.readers.decks.common import deck_lines, real_number
 
 DEEPEST_INCLUDE = 20
 #: Behind a keyword: the format of this block alone.

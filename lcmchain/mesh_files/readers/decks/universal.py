@@ -27,7 +27,7 @@ from lcmchain.mesh_files.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.decks import NumberedSets, deck_lines, listed, real_number
+from lcmchain.mesh_files.readers.decks.common import NumberedSets, deck_lines, listed, real_number
 
 _NODES_IN_ONE_LINE, _NODES, _ELEMENTS = (15,), (781, 2411), (780, 2412)
 #: Datasets of groups, and how many numbers each member has; the first two are its kind and number.

@@ -27,8 +27,8 @@ from lcmchain.mesh_files.file_mesh import (
     parts_of_numbers,
     unique_nodes,
 )
-from lcmchain.mesh_files.readers.decks import NumberedSets, listed
-from lcmchain.mesh_files.readers.lsdyna_blocks import Block, Line, keyword_blocks
+from lcmchain.mesh_files.readers.decks.common import NumberedSets, listed
+from lcmchain.mesh_files.readers.decks.lsdyna_blocks import Block, Line, keyword_blocks
 
 # --- sets -----------------------------------------------------------------------------------------
 # Source: LS-DYNA Keyword User's Manual, volume I, *SET. Numbers of sets are counted apart for each

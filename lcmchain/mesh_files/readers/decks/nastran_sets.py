@@ -21,7 +21,7 @@ from lcmchain.mesh_files.file_mesh import (
     Place,
     keep_as_nodes,
 )
-from lcmchain.mesh_files.readers.nastran_cards import Card, NastranDeck
+from lcmchain.mesh_files.readers.decks.nastran_cards import Card, NastranDeck
 
 NODES, ELEMENTS = "nodes", "elements"
 

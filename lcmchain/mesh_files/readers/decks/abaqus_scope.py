@@ -17,7 +17,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import NO_IDS, Cells, Place
-from lcmchain.mesh_files.readers.abaqus_blocks import (
+from lcmchain.mesh_files.readers.decks.abaqus_blocks import (
     Block,
     element_count,
     element_table,
