@@ -20,7 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.cells import boundary_edges, cell_heights
+from lcmchain.mesh.cells import boundary_edges, cell_areas, cell_heights
 from lcmchain.mesh.contours import Contours, Drawn, contours_of
 from lcmchain.mesh.cut import ON_OUTLINE, Cells
 from lcmchain.mesh.drawing import Drawing
@@ -29,10 +29,9 @@ from lcmchain.mesh.lattice import best_lattice, number_by_lines
 from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
-    cross,
     place,
 )
-from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame
+from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame, spanned
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Angle,
@@ -244,17 +243,9 @@ class BlankMesh(UndeformedFrame):
     has_thickness = True
 
     @property
-    def node_count(self) -> int:
-        return len(self.node_positions)
-
-    @property
     def pair_count(self) -> int:
         """Number of pairs of a bottom node and the top node above it."""
         return len(self.node_positions) // 2
-
-    @property
-    def element_count(self) -> int:
-        return len(self.elements)
 
     @property
     def faces(self) -> np.ndarray:
@@ -306,8 +297,7 @@ class BlankMesh(UndeformedFrame):
 
     def areas(self, positions: np.ndarray) -> np.ndarray:
         """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
-        a = self.base_vectors(positions)
-        return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
+        return 4.0 * spanned(self.base_vectors(positions))
 
     def remarks(self) -> list[str]:
         """Say where the elements are too large for the outline."""
@@ -333,8 +323,7 @@ class BlankMesh(UndeformedFrame):
     @property
     def element_areas(self) -> np.ndarray:
         """Initial mid-surface area of every element [m2], shape (element_count,)."""
-        corner = self.mid_surface_positions[self.faces][..., :2]
-        return 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+        return cell_areas(self.mid_surface_positions[self.faces][..., :2])
 
     @property
     def area(self) -> float:

@@ -11,13 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.outline import check_simple, cross, outline_of, place, polygon_area
+from lcmchain.mesh.outline import BlankShape, check_simple, cross, outline_of, place, polygon_area
 
 # Relative to the size of the blank: a point this near to the rim lies on it.
 ON_RIM = 1e-6
@@ -197,20 +197,19 @@ class Drawn(NamedTuple):
     left_out: str
 
 
-def contours_of(blank_spec: Any) -> tuple[Contours, str]:
+def contours_of(blank: BlankShape) -> tuple[Contours, str]:
     """Return the contours of a blank, and the scene key that gave its outline.
 
     Raises
     ------
     InputError : as :func:`lcmchain.mesh.outline.outline_of` and :func:`with_cuts`.
     """
-    rim, key = outline_of(blank_spec)
-    cuts = getattr(blank_spec, "cuts", None) or {}
-    if not any(cuts.values()):
+    rim, key = outline_of(blank)
+    if not any(blank.cuts.values()):
         return Contours.of_rim(rim), key
     arrays = {
         name: [np.array(entry, dtype=float).reshape(-1, 2) for entry in entries]
-        for name, entries in cuts.items()
+        for name, entries in blank.cuts.items()
     }
     return with_cuts(rim, **arrays, key="blank"), key
 
@@ -332,7 +331,7 @@ def _on_rim(
         )
     at = float(np.clip(part[side], 0.0, 1.0))
     if np.hypot(*(point - (start[side] + at * along[side]))) <= 1e-9 * size:
-        return side, point  # its own digits
+        return side, point  # with the digits of the scene
     return side, start[side] + at * along[side]
 
 
@@ -348,14 +347,18 @@ def _checked_hole(rim: np.ndarray, hole: np.ndarray, size: float, key: str) -> n
     if len(hole) < 3:
         raise InputError(f"needs at least three different points, got {len(hole)}", key=key)
     check_simple(hole, key)
-    sheet, own = shapely.Polygon(rim), shapely.Polygon(hole)
-    if not sheet.intersects(own):
+    sheet, opening = shapely.Polygon(rim), shapely.Polygon(hole)
+    if not sheet.intersects(opening):
         raise InputError(
             f"lies outside the outline, near {place(hole[0])}; holes lie within it", key=key
         )
     out = ~shapely.contains_xy(sheet, *hole.T)
-    if out.any() or not sheet.contains(own) or sheet.exterior.distance(own) <= ON_RIM * size:
-        at = hole[int(np.argmax(out))] if out.any() else _nearest(sheet.exterior, own)
+    if (
+        out.any()
+        or not sheet.contains(opening)
+        or sheet.exterior.distance(opening) <= ON_RIM * size
+    ):
+        at = hole[int(np.argmax(out))] if out.any() else _nearest(sheet.exterior, opening)
         raise InputError(
             f"touches or crosses the outline near {place(at)}; leave some elements between them, "
             "or cut the hole out of the outline",
@@ -371,15 +374,15 @@ def _checked_slits(
     found: list[np.ndarray] = []
     joined = list(range(len(sheet.rings)))  # contours that slits connect have the same number
     for number, slit in enumerate(slits):
-        own = f"{key}.slits[{number}]"
-        line = _checked_slit(sheet, slit, size, own)
+        entry = f"{key}.slits[{number}]"
+        line = _checked_slit(sheet, slit, size, entry)
         for other, before in enumerate(found):
             gap = shapely.LineString(before).distance(shapely.LineString(line))
             if gap <= ON_RIM * size:
                 raise InputError(
                     f"touches or crosses {key}.slits[{other}]; leave some elements between them, "
                     "or give one line",
-                    key=own,
+                    key=entry,
                 )
         begun = [
             joined[ring]
@@ -392,7 +395,7 @@ def _checked_slits(
                 "divides the blank in two: with both its ends it reaches the rim, or holes that "
                 "are cut open to it; let one end lie inside, or give two blanks as [[plies]] with "
                 "outlines of their own",
-                key=own,
+                key=entry,
             )
         if len(begun) == 2:
             joined = [begun[0] if ring == begun[1] else ring for ring in joined]
@@ -424,9 +427,9 @@ def _checked_slit(sheet: Contours, slit: np.ndarray, size: float, key: str) -> n
             key=key,
         )
     found = shapely.get_coordinates(parts[0])
-    for own in slit:  # their own digits
-        near = np.hypot(*(found - own).T) <= 1e-12 * size
-        found[near] = own
+    for corner in slit:  # with the digits of the scene
+        near = np.hypot(*(found - corner).T) <= 1e-12 * size
+        found[near] = corner
     along = np.hypot(*np.diff(found, axis=0).T)
     found = found[np.append(True, along > 1e-9 * size)]
     lengths = [_touching(ring, found, size) for ring in sheet.rings]

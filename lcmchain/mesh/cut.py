@@ -16,7 +16,14 @@ from types import MappingProxyType
 import numpy as np
 from shapely import contains_xy
 
-from lcmchain.mesh.cells import boundary_edges, cell_heights, corner_sines, piece_count, step_ratio
+from lcmchain.mesh.cells import (
+    boundary_edges,
+    cell_areas,
+    cell_heights,
+    corner_sines,
+    piece_count,
+    step_ratio,
+)
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
 from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
@@ -54,8 +61,7 @@ class Cells:
     @cached_property
     def area(self) -> float:
         """Area of all cells [m2]."""
-        corner = self.positions[self.faces]
-        return math.fsum(0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]))
+        return math.fsum(cell_areas(self.positions[self.faces]))
 
     @cached_property
     def piece_count(self) -> int:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import product
-from typing import Any
 
 import numpy as np
 import shapely
@@ -59,8 +58,8 @@ def best_lattice(contours: Contours, edge_length: float) -> Cells:
             return _cut(contours, lines, pitch, INSIDE_REACH)
 
     area = contours.area
-    best: Any = None
-    best_rank: Any = None
+    best: Cells | None = None
+    best_rank: tuple[float, ...] = ()
     for number, (lines, reach) in enumerate(_variants(contours, edge_length)):
         if number >= USUAL_VARIANTS and best_rank < (False, False, True):
             break  # whole, and the others would hardly be better
@@ -80,6 +79,7 @@ def best_lattice(contours: Contours, edge_length: float) -> Cells:
             best, best_rank = cells, rank
         if not any(rank[:5]) and cells.step_ratio <= GOOD_RATIO:
             break
+    assert best is not None  # there is a variant at least
     return best
 
 

@@ -94,15 +94,21 @@ class SheetMesh(Protocol):
         """
 
 
-# --- fibre directions of a deformed sheet, and the shear angle between them -----------------------
-
-
 class UndeformedFrame:
-    """What of a mesh its undeformed positions decide, computed once: every output asks for it."""
+    """Counts of a mesh, and what its undeformed positions decide, computed once."""
 
     node_positions: np.ndarray
+    elements: np.ndarray
     fibre_direction_1: np.ndarray
     fibre_direction_2: np.ndarray
+
+    @property
+    def node_count(self) -> int:
+        return len(self.node_positions)
+
+    @property
+    def element_count(self) -> int:
+        return len(self.elements)
 
     def base_vectors(self, positions: np.ndarray) -> np.ndarray:
         raise NotImplementedError
@@ -125,6 +131,11 @@ class UndeformedFrame:
     def initial_bend_part(self) -> np.ndarray:
         """That of the undeformed mesh, shape (element_count,) [m²]."""
         return self.bend_part(self.node_positions)
+
+
+def spanned(vectors: np.ndarray) -> np.ndarray:
+    """Return the area |a1 × a2| (...) [m²] that the first two of vectors (..., 2 or 3, 3) span."""
+    return np.linalg.norm(np.cross(vectors[..., 0, :], vectors[..., 1, :]), axis=-1)
 
 
 def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -175,5 +186,5 @@ def shear_angles(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
     current = mesh.base_vectors(positions)
     normal = np.cross(current[..., 0, :], current[..., 1, :])
     normal /= np.linalg.norm(normal, axis=-1)[..., None]
-    first, second = (carried(own, current) for own in mesh.fibre_components)
+    first, second = (carried(fibre, current) for fibre in mesh.fibre_components)
     return angle_of_shear(first, second, normal)

@@ -145,7 +145,7 @@ def read_line(path: Path, length_unit: str | None) -> np.ndarray:
         line = np.array(values) * length_factor(length_unit or "m")
     else:
         # Imported where a line is drawn: the library takes longer than others do.
-        from lcmchain.mesh.dxf import read_drawing
+        from lcmchain.mesh.drawing import read_drawing
 
         line = read_drawing(
             path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5

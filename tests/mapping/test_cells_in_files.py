@@ -20,17 +20,8 @@ from lcmchain.mapping import map_file, read_target
 from lcmchain.mapping.formats.export import prepare_export
 from lcmchain.mapping.structure import SolverOptions, map_and_analyse
 from lcmchain.mapping.structure.mapped_file import open_mapped
-from lcmchain.mesh_files.readers import (
-    abaqus_scope,
-    cgns,
-    exodus,
-    gmsh,
-    lsdyna,
-    med,
-    nastran,
-    netgen,
-    universal,
-)
+from lcmchain.mesh_files.readers import cgns, exodus, gmsh, med, netgen
+from lcmchain.mesh_files.readers.decks import abaqus_scope, lsdyna, nastran, universal
 from lcmchain.mesh_files.shapes import (
     ADDED,
     SOLID_CORNERS,
