@@ -1,22 +1,30 @@
-"""Courses: a ply that is laid in strips side by side, each with a net of its own.
+"""Courses: a ply that is laid in strips side by side, each with a net of its own, and their joints.
 
 A strip lies in the flat blank between two lines along fibre 1. Where its course begins follows from
 the start of the whole ply: from there a geodesic runs as far and in the direction in which the seed
 of the course lies in the flat blank, and fibre 1 keeps its angle to it. On a plane and on a
 developable surface strips then lie as they do in the flat blank; on a doubly curved one they do so
 at their start alone, and gaps open or overlaps grow along the joints.
+
+Gaps and overlaps: at every node of the upper edge of a course the nearest point of the next one's
+lower edge is looked for, a line through its nodes. The distance is a gap where that point lies
+outside of the course, and an overlap, negative, where it lies inside. Between nodes the edges are
+chords: over a curved edge of radius R they lie up to h²/8R off, for the edge length h.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
 import numpy as np
 import shapely
+
 from lcmchain.draping.laid import LaidNet, lay
 from lcmchain.draping.net import ACCURACY, PLACED, UNREACHED, lay_start_line, unit_normal
-from lcmchain.draping.start import NetStart, nearest_place, tangent_frame
-from lcmchain.draping.start import SteeredLine
+from lcmchain.draping.start import NetStart, SteeredLine, nearest_place, tangent_frame
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
@@ -24,14 +32,6 @@ from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import Course
 from lcmchain.scene.plies import PlySettings
-from dataclasses import dataclass
-from itertools import pairwise
-from lcmchain.draping.drape import Draped
-from lcmchain.draping.laid import LaidNet
-
-
-# --- Courses: a ply that is laid in strips side by side, each with a net of its own -------------
-
 
 #: Part of the blank's area that strips may leave uncovered: rounding.
 UNCOVERED = 1e-9
@@ -72,9 +72,9 @@ def lay_courses(scene: Scene, surface: DrapedSurface, begin: NetStart) -> tuple[
         key = f"draping.courses[{number}]"
         outline = np.array(part.exterior.coords[:-1])
         blank = _mesh_of(ply, outline, f"{key}.strip")
-        own = _start_of(scene, surface, begin, course, blank, part, key)
+        start = _start_of(scene, surface, begin, course, blank, part, key)
         edge_length = ply.blank.edge_length
-        nets.append(lay(surface, blank, own, edge_length, course.name, course.strip, outline))
+        nets.append(lay(surface, blank, start, edge_length, course.name, course.strip, outline))
     return tuple(nets)
 
 
@@ -104,9 +104,9 @@ def _part_of(ply: PlySettings, course: Course, key: str) -> shapely.Polygon:
 
 def _mesh_of(ply: PlySettings, outline: np.ndarray, key: str) -> BlankMesh:
     """Mesh the part of the ply inside an outline (n, 2) [m]."""
-    own = replace(ply, blank=ply.blank.with_outline(outline - np.array(ply.center)))
+    strip = replace(ply, blank=ply.blank.with_outline(outline - np.array(ply.center)))
     try:
-        return own.build_blank()
+        return strip.build_blank()
     except InputError as error:
         raise InputError(f"cannot be meshed: {error.message}", key=key) from None
 
@@ -189,11 +189,7 @@ def _carried(
     return end, cosine * onward + sine * np.cross(last, onward)
 
 
-# --- Joints between neighbouring courses: gaps and overlaps on the formed surface ---------------
-# At every node of the upper edge of a course the nearest point of the next one's lower edge is
-# looked for, a line through its nodes. The distance is a gap where that point lies outside of the
-# course, and an overlap, negative, where it lies inside. Between nodes the edges are chords: over a
-# curved edge of radius R they lie up to h²/8R off, for the edge length h.
+# --- joints ---------------------------------------------------------------------------------------
 
 
 #: Parts of the bars' length: nodes nearer to the edge of a strip lie on it.
@@ -252,28 +248,28 @@ def _from_to(least: float, most: float) -> str:
     return f"{what} of {first:.2f} to {last:.2f} mm"
 
 
-def joints_of(draped: Draped) -> list[Joint]:
-    """Return the joints between neighbouring courses; empty for a ply of one piece."""
-    first = np.cumsum([0, *(net.mesh.node_count for net in draped.courses)])
+def joints_of(courses: Sequence[LaidNet]) -> list[Joint]:
+    """Return the joints between neighbouring courses of a ply, of which there may be none."""
+    first = np.cumsum([0, *(net.mesh.node_count for net in courses)])
     return [
         _joint(below, above, int(number))
-        for (below, above), number in zip(pairwise(draped.courses), first, strict=False)
+        for (below, above), number in zip(pairwise(courses), first, strict=False)
     ]
 
 
 def _joint(below: LaidNet, above: LaidNet, first: int) -> Joint:
     """Return a joint; first : number of the first node of the lower course."""
     assert below.strip is not None and above.strip is not None
-    own, other = _edge(below, below.strip[1]), _edge(above, above.strip[0])
-    places = below.positions[own]
-    inside = _middles(below)[own]
-    gap = _signed_distance(places, inside, above.positions[other])
+    upper, lower = _edge(below, below.strip[1]), _edge(above, above.strip[0])
+    places = below.positions[upper]
+    inside = _middles(below)[upper]
+    gap = _signed_distance(places, inside, above.positions[lower])
     return Joint(
         below.name,
         above.name,
         above.strip[0] - below.strip[1],
-        first + own,
-        below.coordinates[own, 0],
+        first + upper,
+        below.coordinates[upper, 0],
         places,
         gap,
     )

@@ -1,23 +1,21 @@
-"""One net with the mesh that is placed on it, and several of them as one mesh."""
+"""A net with the mesh of a blank on it: its lines, the places of the nodes, several as one."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-import numpy as np
-from lcmchain.mesh.blank import BlankMesh
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
 from lcmchain.draping.net import ACCURACY, lay_net, project_all
 from lcmchain.draping.start import NetStart
 from lcmchain.draping.surface import DrapedSurface
+from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.scene.draping import FOLDED
-
-
-# --- Lines of a net through the nodes of a blank, and the nodes' places between them ------------
-
 
 #: Parts of the edge length: coordinates nearer than this are one line; no lines inside the net lie
 #: nearer to each other than that.
@@ -110,9 +108,6 @@ def _cell_and_share(
     near = SAME_LINE * edge_length / width
     share = np.where(np.abs(share) <= near, 0.0, share)
     return below, np.where(np.abs(share - 1.0) <= near, 1.0, share)
-
-
-# --- One net with the mesh that is placed on it, and several of them as one mesh ----------------
 
 
 @dataclass(frozen=True)

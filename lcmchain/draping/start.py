@@ -2,35 +2,32 @@
 
 Without a steered line fibre 1 keeps its direction in the flat blank as far as the tangent plane has
 it, turned by ``draping.angle``; fibre 2 lies a right angle less the pre-shear further. A steered
-line takes the place of the geodesic along fibre 1: the nodes lie on a given curve, a bar apart.
+line takes the place of the geodesic along fibre 1: the nodes lie on a given curve, a bar apart. The
+curve is the cubic spline through its points, each brought to the nearest point of the surface; the
+points of the spline are brought there again. From the seed, the point of the curve nearest to its
+place, the next node is where the curve first is a bar away: on a plane a chord of the curve.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq, minimize_scalar
-from lcmchain.draping.net import ACCURACY, project_all
-from lcmchain.draping.surface import DrapedSurface
-from lcmchain.errors import InputError
-from lcmchain.quantities.places import millimetres
-import math
-from collections.abc import Sequence
-from scipy.optimize import brentq
+
 from lcmchain.draping.net import ACCURACY, project_all, unit_normal
 from lcmchain.draping.surface import ASKER, DrapedSurface, level, stroke_direction, touching_tool
+from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.quantities.places import millimetres
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable
 
-
-# --- A steered start line: nodes of a net along a given curve on the surface, a bar apart -------
-# The curve is the cubic spline through its points, each brought to the nearest point of the surface,
-# and the spline's points are again. From the seed, the point of the curve nearest to its place, the
-# next node is where the curve first is a bar away: on a plane a chord of the curve.
+# --- steered start line ---------------------------------------------------------------------------
 
 
 #: Key of the curve in a scene.
@@ -174,7 +171,7 @@ def _nearest_length(
     return float(found.x) if found.fun < distances[best] else float(looked[best])
 
 
-# --- Where a net begins: its seed, the place of it, both directions there, and a steered line ---
+# --- seed, place and directions -------------------------------------------------------------------
 
 
 #: Nodes whose distance from a tool is the least one up to this part of the thickness touch first.

@@ -85,9 +85,9 @@ class FormedSheet:
         """Return the moves of flat places (k, 2) that move their images in plan by ``moves``."""
         corners = self.triangles[self._flat_tree.nearest(shapely.points(points))]
         found = []
-        for own, move in zip(corners, moves):
-            flat = (self.flat[own[1:]] - self.flat[own[0]]).T
-            plan = (self.formed[own[1:], :2] - self.formed[own[0], :2]).T
+        for nodes, move in zip(corners, moves):
+            flat = (self.flat[nodes[1:]] - self.flat[nodes[0]]).T
+            plan = (self.formed[nodes[1:], :2] - self.formed[nodes[0], :2]).T
             found.append(flat @ np.linalg.lstsq(plan, move, rcond=1e-3)[0])
         return np.array(found)
 
