@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from lcmchain.coupons.analytic import power_law_pressure
-from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish, two_panels
 from lcmchain.coupons.specimen import Progress, require_one_temperature, require_solid_shell
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
@@ -270,7 +269,7 @@ def _at(pressure: float, of: np.ndarray, values: np.ndarray) -> float:
     return float(np.exp(place))
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Plate-to-plate compaction", title) as (left, right):
         t = curves["thickness [mm]"]
         for axis in (left, right):

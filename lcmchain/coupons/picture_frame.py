@@ -17,8 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from lcmchain.coupons.analytic import PictureFrame
-from lcmchain.coupons.plots import finish, finish_loop, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish, finish_loop, two_panels
 from lcmchain.coupons.specimen import (
     FRAMES,
     Loop,
@@ -286,22 +285,22 @@ def _stress_of_way(
     steps = np.linspace(0.0, times[-1], PATH_STEPS + 1)[1:]
     strains = np.sin([angle(float(time)) for time in steps])
     viscous, friction = viscous_of(material), shear_friction_of(material)
-    found = np.zeros(times.size)
+    added = np.zeros(times.size)
     if viscous is not None:
         memory, stress = np.zeros(len(viscous.memory)), []
         for g in strains:
             memory = viscous.in_step(g, memory, float(steps[0]))
             stress.append(memory[1])
         # the dashpot is that of the middle of a step
-        found += np.interp(times, steps - 0.5 * steps[0], stress)
+        added += np.interp(times, steps - 0.5 * steps[0], stress)
     if friction is not None:
         elastic = shear_stress_of(material)(np.arcsin(strains))
         memory, stress = np.zeros(len(friction.memory)), []
-        for g, own in zip(strains, elastic, strict=True):
-            before, memory = memory[0], friction.in_step(g, memory, own)
+        for g, elastic_stress in zip(strains, elastic, strict=True):
+            before, memory = memory[0], friction.in_step(g, memory, elastic_stress)
             stress.append(friction.stress_of(before, g, memory[1]))
-        found += np.interp(times, steps, stress)
-    return found
+        added += np.interp(times, steps, stress)
+    return added
 
 
 def _of_way_back(curves: dict[str, np.ndarray], cycles: int) -> Iterator[Comparison]:
@@ -314,17 +313,19 @@ def _of_way_back(curves: dict[str, np.ndarray], cycles: int) -> Iterator[Compari
     name = "edge shear force [N]"
     for angle in COMPARED_AT:
         if angle <= angles[-1]:
-            found, law = (
-                float(np.interp(angle, angles, curves[own][back][::-1]))
-                for own in (name, f"analytic {name}")
+            simulated, law = (
+                float(np.interp(angle, angles, curves[curve][back][::-1]))
+                for curve in (name, f"analytic {name}")
             )
-            yield Comparison(f"edge shear force back at {angle:g}°", "N", found, law, "L t0 S12")
+            yield Comparison(
+                f"edge shear force back at {angle:g}°", "N", simulated, law, "L t0 S12"
+            )
     travel = 1e-3 * curves["displacement [mm]"][cycle]
-    found, law = (
-        float(np.trapezoid(curves[own][cycle], travel))
-        for own in ("force [N]", "analytic force [N]")
+    simulated, law = (
+        float(np.trapezoid(curves[curve][cycle], travel))
+        for curve in ("force [N]", "analytic force [N]")
     )
-    yield Comparison("energy of the last cycle", "J", found, law, "law along the angle")
+    yield Comparison("energy of the last cycle", "J", simulated, law, "law along the angle")
 
 
 def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
@@ -344,7 +345,7 @@ def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
     return float((body.material.stress_and_tangent(strain)[0][:, 3] + of_rate).mean())
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Picture-frame test", title) as (left, right):
         gamma = curves["analytic shear angle [deg]"]
         for axis, name, label in (

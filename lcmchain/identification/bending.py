@@ -6,14 +6,13 @@ of the weight beyond each place is known from its shape, and the curvature from 
 linear curvature through its points
 (:func:`lcmchain.identification.cantilever_tests.stiffness_along_strip`). A strip that hangs far
 runs through all curvatures from its tip to its clamp. From these points a curve is brought, by
-least squares, to give the measured shapes (:mod:`lcmchain.coupons.analytic.bending_curve`).
+least squares, to give the measured shapes (:mod:`lcmchain.coupons.analytic.strip_bending`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -426,15 +425,17 @@ CLOSE_SHAPE = 0.01
 def identify_bending_curve(
     data: CouponData,
     *,
+    thickness: float,
     areal_weight: float,
     angle: float = CANTILEVER_ANGLE,
+    off_axis: str = "free-strip",
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify curves of both fibre directions beside constants of the whole strips.
 
-    Parameters are those of :func:`identify_bending`; ``data`` must
-    be deflection curves. That one stiffness does not describe them is no objection to a curve.
+    Parameters are those of :func:`identify_bending`; ``data`` must be deflection curves. That one
+    stiffness does not describe them is no objection to a curve.
 
     Raises
     ------
@@ -448,15 +449,18 @@ def identify_bending_curve(
             "has no deflection curves, from which a curve is found; give columns x and y",
             file=data.file,
         )
-    constants = _bending_constants(tests, data.file, areal_weight=areal_weight, **rest)
+    constants = _bending_constants(
+        tests, data.file, thickness=thickness, areal_weight=areal_weight, off_axis=off_axis,
+        inputs=inputs,
+    )  # fmt: skip
     entries = dict(constants.scene_entries)
     objections: list[str] = []
     panels = list(constants.panels)
     for number, direction in ((1, 0.0), (2, 0.5 * math.pi)):
-        own = np.flatnonzero(np.abs(tests.orientation - direction) < ALONG_FIBRE)
-        points = _points(tests, own, data.file)
-        curve = _curve(tests, own, points, areal_weight)
-        objections += _misses(tests, own, curve, areal_weight)
+        strips = np.flatnonzero(np.abs(tests.orientation - direction) < ALONG_FIBRE)
+        points = _points(tests, strips, data.file)
+        curve = _curve(tests, strips, points, areal_weight)
+        objections += _misses(tests, strips, curve, areal_weight)
         entries[f"curve_{number}"] = _entry(curve)
         panels.append(_panel(number, points, curve))
     result = replace(
@@ -501,9 +505,9 @@ def _curve(tests: Cantilever, strips: np.ndarray, points: np.ndarray, weight: fl
         curve, found = curve_of(theta), []
         for line, length, tip in zip(measured, lengths, theta[SHARES.size :], strict=True):
             shape = curve_elastica_with_tip_slope(curve, weight, tip)
-            own = (shape.load_parameter * curve.start_slope / weight) ** (1.0 / 3.0)
-            away = signed_distance(line, own * np.stack([shape.x, shape.y]))
-            found.append(np.append(away, own - length) / length)
+            hanging = (shape.load_parameter * curve.start_slope / weight) ** (1.0 / 3.0)
+            away = signed_distance(line, hanging * np.stack([shape.x, shape.y]))
+            found.append(np.append(away, hanging - length) / length)
         return np.concatenate(found)
 
     low = np.concatenate([[-np.inf], np.zeros(SHARES.size - 1), np.full(len(tips), 1e-3)])
@@ -546,7 +550,7 @@ def _entry(curve: MomentCurve) -> str:
 
 def _panel(number: int, points: np.ndarray, curve: MomentCurve) -> Panel:
     k, M = (np.append(0.0, part) for part in curve)
-    measured: Any = Points(points[0], points[1], "along the strips")
+    measured = Points(points[0], points[1], "along the strips")
     return Panel(
         f"curvature along fibre {number} [1/m]", "moment per width [N]", (measured,),
         (Band(k, M, f"curve_{number}"),),

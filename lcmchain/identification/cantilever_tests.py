@@ -81,10 +81,12 @@ def stiffness_along_strip(
     measured = _PiecewiseCurvature(x, y, count)
     along = np.cumsum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)))
     step = np.hypot(*np.diff(curve, axis=1))
-    own = np.append(0.0, np.cumsum(step)) / np.sum(step)
+    share_of_curve = np.append(0.0, np.cumsum(step)) / np.sum(step)
     share = along / along[-1]
     ideal = _PiecewiseCurvature(
-        np.interp(share, own, curve[0]), np.interp(share, own, curve[1]), count
+        np.interp(share, share_of_curve, curve[0]),
+        np.interp(share, share_of_curve, curve[1]),
+        count,
     )
     ratio = (measured.moment / measured.curvature) / (ideal.moment / ideal.curvature)
     error = measured.error / np.maximum(np.abs(measured.curvature), 1e-300)

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -357,8 +356,8 @@ def held_rows(data: CouponData) -> np.ndarray:
         return held
     for number in np.unique(data.specimen):
         rows = np.flatnonzero(data.specimen == number)
-        own = data["thickness"][rows]
-        still = own <= own.min() * (1.0 + HELD)
+        thickness = data["thickness"][rows]
+        still = thickness <= thickness.min() * (1.0 + HELD)
         first = len(rows) - int(np.argmin(still[::-1])) if not still.all() else len(rows)
         held[rows[first:]] = len(rows) - first >= _ROWS_OF_A_HOLD
     return held
@@ -368,14 +367,15 @@ def identify_relaxing_compaction(
     data: CouponData,
     *,
     thickness: float,
+    solid_height: float,
     noise_floor: float = 0.001,
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify c0, c1, c2 of the law at rest, and shares and times of what relaxes.
 
-    Parameters are those of :func:`identify_compaction`; the
-    data have a time [s], and hold their thickness in the end (:func:`held_rows`).
+    Parameters are those of :func:`identify_compaction`; the data have a time [s], and hold their
+    thickness in the end (:func:`held_rows`).
 
     Raises
     ------
@@ -384,8 +384,9 @@ def identify_relaxing_compaction(
     """
     held = held_rows(data)
     closing = identify_compaction(
-        data.keep(~held), thickness=thickness, noise_floor=noise_floor, accept=True, **rest
-    )
+        data.keep(~held), thickness=thickness, solid_height=solid_height,
+        noise_floor=noise_floor, inputs=inputs, accept=True,
+    )  # fmt: skip
     below = data.keep(data["thickness"] < thickness)
     start = np.array([closing[name].value for name in ("c0", "c1", "c2")])
     fit = _fewest(below, start, thickness, noise_floor)
@@ -393,7 +394,7 @@ def identify_relaxing_compaction(
     lack = lack_of_fit(below[TIME], below["pressure"], fit.model, below.specimen)
     fit = replace(fit, blocks=lack.blocks)
     parameters = _parameters(fit, count)
-    told = {own.name: own.value for own in parameters}
+    told = {parameter.name: parameter.value for parameter in parameters}
     objections = (lack.text("the law", "the time", "s"),) if lack.is_systematic else ()
     warnings = [*general_warnings(parameters, fit.residuals, below.specimen)]
     longest = max(told[f"relaxation_time_{k + 1}"] for k in range(count))

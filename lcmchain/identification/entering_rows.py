@@ -370,8 +370,8 @@ class _Work:
         zero_load, zero_travel = np.zeros(len(self.data.lines)), np.zeros(len(self.data.lines))
         told = []
         for rows in self.specimens():
-            own = self.data[load][rows]
-            contact = contact_of(own)
+            loads = self.data[load][rows]
+            contact = contact_of(loads)
             if contact is None:
                 raise InputError(
                     f"the {load}{self.name(rows)} rises from the first row on: the zero is told by "
@@ -391,7 +391,7 @@ class _Work:
                 continue
             travel = self.data[driven][rows]
             place, count = _met_zero(
-                travel, own - contact.load, contact.ahead, _REACHES * contact.scatter
+                travel, loads - contact.load, contact.ahead, _REACHES * contact.scatter
             )
             # The specimen has borne nothing before the first row that is above the scatter.
             place = float(np.clip(place, travel[0], travel[contact.ahead]))
@@ -416,18 +416,18 @@ class _Work:
         zero = np.zeros(len(self.data.lines))
         _, unit, factor = SHOWN[load]
         for rows in self.specimens():
-            own, travel = self.data[load][rows], self.data[driven][rows]
-            if len(rows) < 3 or own[0] <= 0.0:
+            loads, travel = self.data[load][rows], self.data[driven][rows]
+            if len(rows) < 3 or loads[0] <= 0.0:
                 raise InputError(
-                    f"the first row{self.name(rows)} bears {factor * own[0]:.4g} {unit}, which is "
-                    f"no preload; write {ZERO} {CONTACT} for rows ahead of the contact",
+                    f"the first row{self.name(rows)} bears {factor * loads[0]:.4g} {unit}, which "
+                    f"is no preload; write {ZERO} {CONTACT} for rows ahead of the contact",
                     key=ZERO, file=self.data.file,
                 )  # fmt: skip
-            place, count = _met_zero(travel, own, 0, _GROWS * own[0])
+            place, count = _met_zero(travel, loads, 0, _GROWS * loads[0])
             zero[rows] = place
             self.told.append(
                 (f"zero of {driven}{self.name(rows)}", f"reads {1e3 * place:.5g} mm",
-                 f"{PRELOAD} of {factor * own[0]:.4g} {unit}: the line of the first {count} rows "
+                 f"{PRELOAD} of {factor * loads[0]:.4g} {unit}: the line of the first {count} rows "
                  "meets no load")
             )  # fmt: skip
         self.data = self.data.shifted(driven, zero)
@@ -515,8 +515,8 @@ class _Work:
             noted = [line for one in self.left_out for line in one.lines]
             self.stays[out] = False
             self.told.append(("range", text, f"given, {RANGE}"))
-            for own in self.specimens():
-                mine = np.intersect1d(out, own)
+            for of_specimen in self.specimens():
+                mine = np.intersect1d(out, of_specimen)
                 mine = mine[~np.isin(self.data.lines[mine], noted)]
                 for side in (mine[driven[mine] < low], mine[driven[mine] > high]):
                     self.leave_out(side, OUTSIDE)
@@ -557,8 +557,8 @@ class _Work:
 
     def _of_name(self, name: str) -> np.ndarray:
         for rows in self.specimens():
-            own = self.data.name_of(rows[0])
-            if own == name or (own.isdigit() and name.isdigit() and int(own) == int(name)):
+            known = self.data.name_of(rows[0])
+            if known == name or (known.isdigit() and name.isdigit() and int(known) == int(name)):
                 return rows
         names = ", ".join(self.data.name_of(rows[0]) for rows in self.specimens())
         raise InputError(

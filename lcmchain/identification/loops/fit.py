@@ -146,23 +146,23 @@ def courses(data: CouponData, place: np.ndarray, name: str, parts: int) -> tuple
     order, branches, ways, begins = [], [], [], []
     first = 0
     for number in np.unique(data.specimen):
-        own = np.flatnonzero(data.specimen == number)
-        course = place[own]
+        of_test = np.flatnonzero(data.specimen == number)
+        course = place[of_test]
         largest = float(np.abs(course).max())
         if largest <= 0.0:
-            raise data.wrong(name, own[0], "stays zero in the whole test")
+            raise data.wrong(name, of_test[0], "stays zero in the whole test")
         if abs(course[0]) > BEGINS * largest:
             raise data.wrong(
-                name, own[0],
+                name, of_test[0],
                 "is far from zero at the start of the test, where the friction is not known; begin "
                 "with the first loading, from rest",
             )  # fmt: skip
         branch, smooth = _branches(course, TURNS * largest)
         way = np.diff(smooth, prepend=0.0)
-        order.append(own)
+        order.append(of_test)
         branches.append(first + branch)
         ways.append(np.repeat(way[:, None] / parts, parts, axis=1))
-        begins.append(np.arange(len(own)) == 0)
+        begins.append(np.arange(len(of_test)) == 0)
         first += int(branch.max()) + 1
     return tuple(np.concatenate(found) for found in (order, branches, ways, begins))
 

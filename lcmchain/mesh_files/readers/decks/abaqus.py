@@ -221,8 +221,8 @@ def _joined(everything: list[_Placed]) -> list[tuple[str, np.ndarray]]:
     for name in names:
         of_type = []
         for one in everything:
-            for own, nodes in one.blocks:
-                if own == name:
+            for type_of_block, nodes in one.blocks:
+                if type_of_block == name:
                     of_type.append(nodes + one.first_node)
                     pieces[id(one)].append(np.arange(row, row + len(nodes)))
                     row += len(nodes)
@@ -500,9 +500,9 @@ def _cell_nodes(blocks: list[tuple[str, np.ndarray]], rows: np.ndarray) -> np.nd
     found = [NO_IDS]
     first = 0
     for _, nodes in blocks:
-        own = rows[(rows >= first) & (rows < first + len(nodes))] - first
+        local = rows[(rows >= first) & (rows < first + len(nodes))] - first
         first += len(nodes)
-        found.append(nodes[own].reshape(-1))
+        found.append(nodes[local].reshape(-1))
     return np.unique(np.concatenate(found))
 
 
@@ -513,9 +513,9 @@ def _face_nodes(
     found = [NO_IDS]
     first = 0
     for name, nodes in blocks:
-        own = rows[(rows >= first) & (rows < first + len(nodes))] - first
+        local = rows[(rows >= first) & (rows < first + len(nodes))] - first
         first += len(nodes)
-        if len(own) == 0:
+        if len(local) == 0:
             continue
         count = corner_count(name)
         corners: tuple[int, ...]
@@ -531,5 +531,5 @@ def _face_nodes(
             corners = (number, (number + 1) % count)
         else:
             return None
-        found.append(nodes[own][:, list(corners)].reshape(-1))
+        found.append(nodes[local][:, list(corners)].reshape(-1))
     return np.unique(np.concatenate(found))

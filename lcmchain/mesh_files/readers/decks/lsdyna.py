@@ -118,9 +118,9 @@ class _DynaSets:
                     parts = self._members(kind, number, np.unique(part_of_cell))
                     sets.mesh.cell_sets[one.name] = np.flatnonzero(np.isin(part_of_cell, parts))
                 else:
-                    own = kind.lower()
-                    first, numbering = cells.get(own, none)
-                    aside = left_out.get(own, LeftOut())
+                    family = kind.lower()
+                    first, numbering = cells.get(family, none)
+                    aside = left_out.get(family, LeftOut())
                     known = np.concatenate([numbering.ids, aside.numbers])
                     members = self._members(kind, number, known)
                     sets.add_cells(one.name, members, numbering, first, aside)
@@ -442,12 +442,12 @@ def _mesh(deck: _Deck, ids: np.ndarray, points: np.ndarray, nodes: Numbering) ->
     first_rows: dict[str, tuple[int, Numbering]] = {}
     for kind, elements in deck.elements.items():
         first = mesh.cell_count
-        blocks, own = merged_blocks(_cells(elements), nodes)
+        blocks, labels = merged_blocks(_cells(elements), nodes)
         part_of = {element.number: element.part for element in elements}
         mesh.blocks += blocks
-        cell_ids.append(own)
-        numbers.append(np.array([part_of[number] for number in own.tolist()], dtype=np.int64))
-        first_rows[kind] = first, Numbering(own)
+        cell_ids.append(labels)
+        numbers.append(np.array([part_of[number] for number in labels.tolist()], dtype=np.int64))
+        first_rows[kind] = first, Numbering(labels)
     every = np.concatenate(cell_ids)
     if len(np.unique(every)) == len(every):
         mesh.cell_ids = every
@@ -474,11 +474,11 @@ def _cells(elements: list[Element]) -> list[Cells]:
     return [
         Cells(
             shape,
-            np.array([element.number for element in own], dtype=np.int64),
-            np.array([element.nodes for element in own], dtype=np.int64),
-            _place_of(own),
+            np.array([element.number for element in alike], dtype=np.int64),
+            np.array([element.nodes for element in alike], dtype=np.int64),
+            _place_of(alike),
         )
-        for shape, own in by_shape.items()
+        for shape, alike in by_shape.items()
     ]
 
 

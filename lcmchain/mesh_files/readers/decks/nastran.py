@@ -212,9 +212,9 @@ def _nodes(grids: list[Card], by_name: dict[str, list[Card]]) -> tuple[np.ndarra
         systems = _Systems([card for name in _SYSTEMS for card in by_name.get(name, [])])
         nodes = {int(number): card for number, card in zip(ids, grids, strict=True)}
         for number in np.unique(system[system > 0]):
-            own = system == number
-            first = grids[int(np.argmax(own))]
-            given[own] = systems.place(int(number), given[own], first, nodes)
+            rows = system == number
+            first = grids[int(np.argmax(rows))]
+            given[rows] = systems.place(int(number), given[rows], first, nodes)
     return unique_nodes(ids, given, lambda row: grids[row].place)
 
 

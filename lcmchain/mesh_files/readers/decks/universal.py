@@ -275,10 +275,10 @@ def _mesh(
             by_shape.setdefault(shape[0], []).append(element)
             orders[shape[0]] = shape[1]
     groups = []
-    for name, own in by_shape.items():
-        table = np.array([element.nodes for element in own], dtype=np.int64)[:, orders[name]]
-        places = [Place(path, element.line) for element in own]
-        labels = np.array([element.label for element in own], dtype=np.int64)
+    for name, alike in by_shape.items():
+        table = np.array([element.nodes for element in alike], dtype=np.int64)[:, orders[name]]
+        places = [Place(path, element.line) for element in alike]
+        labels = np.array([element.label for element in alike], dtype=np.int64)
         groups.append(Cells(name, labels, table, places.__getitem__))
     blocks, cell_ids = merged_blocks(groups, nodes)
     mesh = FileMesh(points, blocks, cell_ids, ids)
