@@ -378,8 +378,8 @@ def draw_start(
     A tool whose surface cannot be had is left out. ``grips`` are those of every ply.
     """
     from lcmchain.report import draw_initial, draw_stack
-    from lcmchain.tools.drawing import tool_surface
     from lcmchain.tools.surfaces.surface import ToolWarning
+    from lcmchain.tools.tool import tool_surface
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
     nodes = np.concatenate([blank.node_positions for blank in blanks])

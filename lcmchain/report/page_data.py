@@ -20,8 +20,8 @@ from lcmchain.fields.ugrid import TIME
 from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
 from lcmchain.report.view import boundary_edges, hangs_down
 from lcmchain.scene.stages import at_work
-from lcmchain.tools.drawing import tool_surface
 from lcmchain.tools.table import rotation_and_shift
+from lcmchain.tools.tool import tool_surface
 
 if TYPE_CHECKING:
     import xarray as xr

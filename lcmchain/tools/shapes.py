@@ -1,6 +1,7 @@
-"""Shapes with an exact distance: a plane, and bodies that a plane curve bounds.
+"""Shapes of rigid tools: planes, bodies that a profile bounds, and surface meshes.
 
-The curve is revolved about the local z axis, or extruded along local y.
+A shape is a scene table with the methods of :class:`ToolShape`. It is registered by its place in
+``Shape``. Planes and profiles have an exact distance, surface meshes a distance field.
 """
 
 from __future__ import annotations
@@ -12,22 +13,102 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from lcmchain.errors import InputError
 from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     AcuteAngle,
+    FileName,
     LengthOrZero,
+    LengthUnit,
     PointInPlane,
     PositiveLength,
     Row,
+    Switch,
     wrong,
 )
 from lcmchain.quantities.rounded import two_digits
+from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.units import length_factor
 from lcmchain.thresholds import LARGEST_RIPPLE
-from lcmchain.tools.distance import EXTRUDED, PLANE, REVOLVED
+from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
 from lcmchain.tools.profile_corners import build_profile
-from lcmchain.tools.profiles import Profile, profile_surface
-from lcmchain.tools.shapes.base import ToolShape, shape_entries
+from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile, profile_surface
+from lcmchain.tools.surfaces.surface import Surface
+
+
+def shape_entries(kind: int, **given: Any) -> dict[str, Any]:
+    """Entries of one tool in the shape columns of the tool table; what is not given is empty."""
+    return {
+        "kind": kind,
+        "segments": np.zeros((0, SEGMENT_COLUMNS)),
+        "corners": np.zeros((0, CORNER_COLUMNS)),
+        "spacing": 0.0,
+        "grid_origin": np.zeros(3),
+        "grid_shape": np.zeros(3, np.int64),
+        "box": np.zeros(6),
+        "coefficients": np.zeros(0, np.float32),
+        "far_bound": np.zeros(0, np.int8),
+        **given,
+    }
+
+
+class ToolShape(SceneModel):
+    """Shape of a rigid tool in its local frame; sub-classes are tables of a scene."""
+
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
+        """Entries of the shape in the tool table, see :func:`shape_entries`.
+
+        Parameters
+        ----------
+        directory : folder of the scene file, to which mesh files are relative.
+        key : scene key of the shape, named in errors.
+        blank : points [m] of the blank at the start in the local frame, shape [point_count, 3],
+            which are not in the tool; None where they are not known.
+
+        Raises
+        ------
+        InputError : a shape that cannot be built, or a file that cannot be used.
+        """
+        raise NotImplementedError
+
+    def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface | None:
+        """Triangles that define the shape, None for one that needs none.
+
+        Parameters and errors as for :meth:`table_entries`.
+        """
+        return None
+
+    def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
+        """Triangulate the shape for drawings; normals point away from the solid.
+
+        Parameters
+        ----------
+        directory, key : as for :meth:`table_entries`.
+        reach : length [m] of what is infinite.
+
+        Returns
+        -------
+        points [m], shape [point_count, 3], and triangles, shape [triangle_count, 3].
+        """
+        raise NotImplementedError
+
+    def oriented(self, axes: np.ndarray) -> np.ndarray:
+        """Local axes that the compiled distance works in, from those of the tool, shape [3, 3]."""
+        return axes
+
+    def remarks(self, tool_name: str, edge_length: float, whose: str = "") -> list[str]:
+        """Say what is allowed but probably not meant, for elements of an edge length [m].
+
+        whose : the plies that the elements belong to, as in " of the ply patch".
+        """
+        return []
+
+
+# --- planes and profiles --------------------------------------------------------------------------
+
 
 Side = Literal["below", "above"]
 
@@ -214,3 +295,78 @@ class ExtrudedProfile(GivenProfile):
 
     def profile(self, *, key: str) -> Profile:
         return self.build(revolved=False, key=key)
+
+
+# --- surface meshes -------------------------------------------------------------------------------
+
+
+class SurfaceMesh(ToolShape):
+    """Closed or open surface from a file, turned into a distance field."""
+
+    type: Literal["surface_mesh"]
+    file: Annotated[str, FileName("punch.stl")] = Field(
+        description="STL, a deck, or any other mesh file; relative to the scene file."
+    )
+    length_unit: Annotated[str, LengthUnit()] = Field(
+        description="Unit of the coordinates in the file."
+    )
+    spacing: Annotated[PositiveLength | None, AbsentMeans("automatic")] = Field(
+        default=None, description="Grid spacing of the distance field."
+    )
+
+    union: Switch = Field(
+        default=False,
+        description="Unite closed solids of the file that overlap or touch; only the outer "
+        "surface of the whole counts. Needs lcmchain[union].",
+    )
+
+    @property
+    def length_scale(self) -> float:
+        """Metres per unit of the file."""
+        return length_factor(self.length_unit)
+
+    def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface:
+        # Imported where a tool is a file: what these need of scipy takes as long as other scenes
+        # take to be read.
+        from lcmchain.tools.surfaces.reading import read_surface
+
+        path = Path(directory) / self.file
+        return read_surface(path, self.length_unit, blank, union=self.union)
+
+    def table_entries(
+        self, directory: Path, *, key: str, blank: np.ndarray | None = None
+    ) -> dict[str, Any]:
+        from lcmchain.tools.surfaces.distance_field import build_distance_field
+
+        try:
+            surface = self.surface_mesh(directory, blank)
+        except InputError as error:
+            text = f"{error.file}: {error.message}"
+            raise InputError(text, key=f"{key}.file", file=error.file) from None
+        field = build_distance_field(surface, self.spacing, key=key)
+        return shape_entries(
+            FIELD,
+            spacing=field.spacing,
+            grid_origin=field.origin,
+            grid_shape=np.array(field.shape),
+            box=field.box,
+            coefficients=field.coefficients.ravel(),
+            far_bound=field.far_bound.ravel(),
+        )
+
+    def surface(self, directory: Path, reach: float, *, key: str) -> tuple[np.ndarray, np.ndarray]:
+        surface = self.surface_mesh(directory)
+        return surface.points, surface.triangles
+
+
+Shape = Annotated[
+    SphereCappedPunch
+    | Plate
+    | PlateWithHole
+    | Cylinder
+    | Cone
+    | RevolvedProfile
+    | ExtrudedProfile
+    | SurfaceMesh,
+    Field(discriminator="type"),
+]
