@@ -171,11 +171,11 @@ def picture_frame(
         raise InputError(
             "go there and back in a second each; leave out --hold and --speed", key="--cycles"
         )
-    analytic = PictureFrame(side, material.thickness)
+    net = PictureFrame(side, material.thickness)
     test = PictureFrameTest(shear_angle, hold, cycles)
     duration = DURATION * max(2 * cycles, 1)
     if speed is not None:
-        duration = float(analytic.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
+        duration = float(net.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
     scene = Scene(
         title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
         material=material,
@@ -187,46 +187,15 @@ def picture_frame(
         },
         blank={"size": (side, side), "edge_length": edge_length},
     )
-
     simulation, recording = record(scene, test.supports(scene), progress=progress)
-    everywhere = np.ones(simulation.model.element_count, dtype=bool)
-    pull, force = test.pull(scene), test.force(scene, recording)
-    d = np.array([pull.travel(min(t, pull.duration)) for t in recording.time])
-    gamma = analytic.shear_angle(d[1::2])
-    edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
-    # where the frame stands still, of the stress in the fabric
-    still = np.isnan(force)
-    for k in np.flatnonzero(still):
-        stress = _shear_stress(simulation, recording.snapshots[2 * k + 1])
-        edge_force[k] = side * material.thickness * stress
-        force[k] = 2.0 * edge_force[k] * math.cos(0.25 * np.pi - 0.5 * gamma[k])
-    measured, thickness = (
-        mean_field(simulation, recording.snapshots[1::2], field, everywhere)
-        for field in ("shear_angle", "thickness")
-    )
-
     (body,) = simulation.model.bodies
-    free = material.thickness * free_stretch(body.material, np.sin(gamma))
-    shear_stress = shear_stress_of(body.material)
-    if viscous_of(body.material) is not None or shear_friction_of(body.material) is not None:
-        at_rest, path = shear_stress, partial(_angle_at, analytic, pull)
-        of_way = _stress_of_way(body.material, recording.time[1::2], path)
-        shear_stress = lambda angle: at_rest(angle) + of_way  # noqa: E731
-    curves = {
-        "displacement [mm]": 1e3 * d[1::2],
-        "force [N]": force,
-        "shear angle [deg]": np.degrees(measured),
-        "edge shear force [N]": edge_force,
-        "thickness [mm]": 1e3 * thickness,
-        "analytic force [N]": analytic.force(gamma, shear_stress),
-        "analytic shear angle [deg]": np.degrees(gamma),
-        "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
-        "analytic thickness [mm]": 1e3 * free,
-        **({"time [s]": recording.time[1::2]} if material.resists_rates or cycles else {}),
-    }
+    pull, force = test.pull(scene), test.force(scene, recording)
+    still = np.isnan(force)
+    curves = _curves(simulation, recording, net, pull, force)
+    if material.resists_rates or cycles:
+        curves["time [s]"] = recording.time[1::2]
     # the way there, in cycles that of the first one
     there = ~still & (recording.time[1::2] < (duration / (2 * cycles) if cycles else math.inf))
-    angles = curves["analytic shear angle [deg]"][there]
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     energy = recording.energy
     return CouponResult(
@@ -238,30 +207,11 @@ def picture_frame(
             **({"then held": f"{1e3 * hold:g} ms"} if hold > 0.0 else {}),
         },
         curves=curves,
-        comparisons=tuple(
-            Comparison(
-                f"{name} at {angle:g}°",
-                unit,
-                float(np.interp(angle, angles, curves[f"{name} [{unit}]"][there])),
-                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"][there])),
-                origin,
-            )
-            for name, unit, origin in COMPARED[0 if couples_shear(body.material) else 1 :]
-            for angle in COMPARED_AT
-            if angle <= angles[-1]
-        )
-        + tuple(
-            Comparison(
-                f"edge shear force {1e3 * (time - duration):.4g} ms after the stop",
-                "N",
-                float(curves["edge shear force [N]"][k]),
-                float(curves["analytic edge shear force [N]"][k]),
-                "L t0 S12",
-            )
-            for k, time in enumerate(recording.time[1::2])
-            if still[k]
-        )
-        + tuple(_of_way_back(curves, cycles)),
+        comparisons=(
+            *_of_way_there(curves, there, couples_shear(body.material)),
+            *_of_hold(curves, np.flatnonzero(still), recording.time[1::2] - duration),
+            *_of_way_back(curves, cycles),
+        ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
@@ -271,6 +221,81 @@ def picture_frame(
             "damping_to_external": energy["damping"][-1] / energy["external"][-1],
         },
     )
+
+
+def _curves(
+    simulation: Simulation,
+    recording: Recording,
+    net: PictureFrame,
+    pull: SteadyPull | Loop,
+    force: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return what was simulated over the travel, and what pure shear makes of it.
+
+    force : along the diagonal [N]; where the frame stands still, nan, it is that of the stress in
+        the fabric.
+    """
+    (body,) = simulation.model.bodies
+    material = body.material
+    d = np.array([pull.travel(min(t, pull.duration)) for t in recording.time])
+    gamma = net.shear_angle(d[1::2])
+    edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
+    for k in np.flatnonzero(np.isnan(force)):
+        stress = _shear_stress(simulation, recording.snapshots[2 * k + 1])
+        edge_force[k] = net.side * net.thickness * stress
+        force[k] = 2.0 * edge_force[k] * math.cos(0.25 * np.pi - 0.5 * gamma[k])
+    everywhere = np.ones(simulation.model.element_count, dtype=bool)
+    measured, thickness = (
+        mean_field(simulation, recording.snapshots[1::2], field, everywhere)
+        for field in ("shear_angle", "thickness")
+    )
+    free = net.thickness * free_stretch(material, np.sin(gamma))
+    shear_stress = shear_stress_of(material)
+    if viscous_of(material) is not None or shear_friction_of(material) is not None:
+        at_rest, path = shear_stress, partial(_angle_at, net, pull)
+        of_way = _stress_of_way(material, recording.time[1::2], path)
+        shear_stress = lambda angle: at_rest(angle) + of_way  # noqa: E731
+    return {
+        "displacement [mm]": 1e3 * d[1::2],
+        "force [N]": force,
+        "shear angle [deg]": np.degrees(measured),
+        "edge shear force [N]": edge_force,
+        "thickness [mm]": 1e3 * thickness,
+        "analytic force [N]": net.force(gamma, shear_stress),
+        "analytic shear angle [deg]": np.degrees(gamma),
+        "analytic edge shear force [N]": net.edge_shear_force(gamma, shear_stress),
+        "analytic thickness [mm]": 1e3 * free,
+    }
+
+
+def _of_way_there(
+    curves: dict[str, np.ndarray], there: np.ndarray, couples: bool
+) -> Iterator[Comparison]:
+    """Yield force and, of a fabric that couples it with the shear, thickness at round angles.
+
+    there : rows of the way there.
+    """
+    angles = curves["analytic shear angle [deg]"][there]
+    for name, unit, origin in COMPARED[0 if couples else 1 :]:
+        simulated, law = (curves[f"{of}{name} [{unit}]"][there] for of in ("", "analytic "))
+        for angle in COMPARED_AT:
+            if angle <= angles[-1]:
+                yield Comparison(
+                    f"{name} at {angle:g}°", unit, float(np.interp(angle, angles, simulated)),
+                    float(np.interp(angle, angles, law)), origin,
+                )  # fmt: skip
+
+
+def _of_hold(
+    curves: dict[str, np.ndarray], rows: np.ndarray, since: np.ndarray
+) -> Iterator[Comparison]:
+    """Yield the force where the frame stands still. since : time of every row after the stop."""
+    for k in rows:
+        yield Comparison(
+            f"edge shear force {1e3 * since[k]:.4g} ms after the stop", "N",
+            float(curves["edge shear force [N]"][k]),
+            float(curves["analytic edge shear force [N]"][k]), "L t0 S12",
+        )  # fmt: skip
 
 
 def _angle_at(net: PictureFrame, pull: SteadyPull | Loop, time: float) -> float:

@@ -89,29 +89,7 @@ def identify_compaction(
         few rows below t0.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    warnings = []
-    wrong = np.flatnonzero(data["thickness"] <= 0.0)
-    if len(wrong):
-        raise data.wrong("thickness", wrong[0], "must be positive")
-    if data["pressure"].max() <= 0.0:
-        raise InputError("the pressure is nowhere positive", file=data.file)
-    pulled = np.flatnonzero(data["pressure"] < -LARGEST_PULL * data["pressure"].max())
-    if len(pulled):
-        raise data.wrong("pressure", pulled[0], "is negative; remove or correct it")
-    loaded = data["thickness"] < thickness
-    if not loaded.all():
-        warnings.append(
-            f"{np.count_nonzero(~loaded)} rows at or above the thickness t0 = "
-            f"{thickness * 1e3:g} mm do not enter the law, which carries no pressure there"
-        )
-    below = data.keep(loaded)
-    if len(below.lines) < MINIMUM_ROWS:
-        raise InputError(
-            f"only {len(below.lines)} rows lie below the initial thickness "
-            f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
-            "the unit",
-            file=data.file,
-        )
+    below, warnings = _loaded_rows(data, thickness)
     pressure = below["pressure"]
     fit = _fit_law(below, thickness, noise_floor)
     judgement = _judge(below, fit, thickness, noise_floor)
@@ -159,6 +137,39 @@ def identify_compaction(
         holds=judgement.holds,
     )
     return accepted(result, data.file, accept)
+
+
+def _loaded_rows(data: CouponData, thickness: float) -> tuple[CouponData, list[str]]:
+    """Return the rows below the thickness t0 [m], and what is said of the others.
+
+    Raises
+    ------
+    InputError : no pressure, a thickness that is not positive, a pressure far below zero, or too
+        few rows.
+    """
+    wrong = np.flatnonzero(data["thickness"] <= 0.0)
+    if len(wrong):
+        raise data.wrong("thickness", wrong[0], "must be positive")
+    if data["pressure"].max() <= 0.0:
+        raise InputError("the pressure is nowhere positive", file=data.file)
+    pulled = np.flatnonzero(data["pressure"] < -LARGEST_PULL * data["pressure"].max())
+    if len(pulled):
+        raise data.wrong("pressure", pulled[0], "is negative; remove or correct it")
+    loaded = data["thickness"] < thickness
+    below = data.keep(loaded)
+    if len(below.lines) < MINIMUM_ROWS:
+        raise InputError(
+            f"only {len(below.lines)} rows lie below the initial thickness "
+            f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
+            "the unit",
+            file=data.file,
+        )
+    if loaded.all():
+        return below, []
+    return below, [
+        f"{np.count_nonzero(~loaded)} rows at or above the thickness t0 = "
+        f"{thickness * 1e3:g} mm do not enter the law, which carries no pressure there"
+    ]
 
 
 def with_thickness(data: CouponData, solid_height: float) -> CouponData:

@@ -137,14 +137,7 @@ def identify_shear(
             fit_once, direct.model, direct.scale * direct.noise_scale, free.parameters,
             bootstrap_count, seed,
         )  # fmt: skip
-    low, high = spread.interval(np.eye(COEFFICIENT_COUNT))
-    parameters = tuple(
-        # A value held by the bound may lie outside; the interval then reaches to it.
-        Parameter(f"s{k}", float(v), "Pa", float(np.fmin(low[k], v)), float(np.fmax(high[k], v)))
-        if np.isfinite(low[k])
-        else Parameter(f"s{k}", float(v), "Pa", np.nan, np.nan)
-        for k, v in enumerate(fit.parameters)
-    )
+    parameters = _parameters(fit, spread)
     model = design @ fit.parameters
     residuals = (force - model) / noise_scale(model, force, noise_floor)
     warnings = general_warnings(parameters, residuals, data.specimen)
@@ -177,6 +170,20 @@ def identify_shear(
         holds=judgement.holds,
     )
     return accepted(result, data.file, accept)
+
+
+def _parameters(fit: Fit, spread: _LinearSpread | _BootstrapSpread) -> tuple[Parameter, ...]:
+    """Return s0 ... s4 with their intervals.
+
+    A value held by a bound may lie outside; the interval then reaches to it.
+    """
+    low, high = spread.interval(np.eye(COEFFICIENT_COUNT))
+    return tuple(
+        Parameter(f"s{k}", float(v), "Pa", float(np.fmin(low[k], v)), float(np.fmax(high[k], v)))
+        if np.isfinite(low[k])
+        else Parameter(f"s{k}", float(v), "Pa", np.nan, np.nan)
+        for k, v in enumerate(fit.parameters)
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -134,22 +134,11 @@ def build_tool_table(
     ToolWarning
         if a surface mesh had to be repaired or is not well resolved by its distance field.
     """
-    keys = [f'tools[{i}] "{tool.name}"' for i, tool in enumerate(tools)]
-    axes = [tool.local_axes(key=f"{key}.axis") for tool, key in zip(tools, keys)]
-    shapes = [
-        tool.shape.table_entries(
-            directory,  # type: ignore[arg-type]
-            key=f"{key}.shape",
-            blank=None if blank is None else in_frame_of(tool, frame, blank),
-        )
-        for tool, key, frame in zip(tools, keys, axes)
+    rows = [
+        _entries(tool, directory, process_time, blank, key=f'tools[{i}] "{tool.name}"')
+        for i, tool in enumerate(tools)
     ]
-    motions = [
-        tool.motion.table_entries(frame[2], process_time, key=f"{key}.motion")
-        for tool, frame, key in zip(tools, axes, keys)
-    ]
-    rotations = [tool.shape.oriented(frame) for tool, frame in zip(tools, axes)]
-    rows = [{**shape, **motion} for shape, motion in zip(shapes, motions)]
+    rotations = [row["rotation"] for row in rows]
 
     def column(name, dtype=float, width=()):
         return np.array([row[name] for row in rows], dtype=dtype).reshape(len(rows), *width)
@@ -298,6 +287,25 @@ def lever(table: ToolTable, tool: int, points: np.ndarray) -> float:
         return 1.0
     arms = np.cross(table.turn_axis[tool], points - table.turn_point[tool])
     return float(np.linalg.norm(arms, axis=1).max())
+
+
+def _entries(
+    tool: Tool,
+    directory: Path | None,
+    process_time: float,
+    blank: np.ndarray | None,
+    *,
+    key: str,
+) -> dict[str, Any]:
+    """Return what a tool's row of the table is made of; parameters as of the table."""
+    axes = tool.local_axes(key=f"{key}.axis")
+    shape = tool.shape.table_entries(
+        directory,  # type: ignore[arg-type]
+        key=f"{key}.shape",
+        blank=None if blank is None else in_frame_of(tool, axes, blank),
+    )
+    motion = tool.motion.table_entries(axes[2], process_time, key=f"{key}.motion")
+    return {**shape, **motion, "rotation": tool.shape.oriented(axes)}
 
 
 def _starts(arrays) -> np.ndarray:
