@@ -30,10 +30,10 @@ from lcmchain.errors import InputError
 from lcmchain.identification.cantilever_tests import (
     ALONG_FIBRE,
     Cantilever,
-    Strips,
+    StripsByFibre,
     cantilever_tests,
+    distance_below,
     length_of_line,
-    signed_distance,
     strips_of,
 )
 from lcmchain.identification.data import CouponData
@@ -196,7 +196,7 @@ def _bending_constants(
     )
 
 
-def _lacks_of_fit(tests: Cantilever, strips: Strips, fit: Fit) -> dict[str, LackOfFit]:
+def _lacks_of_fit(tests: Cantilever, strips: StripsByFibre, fit: Fit) -> dict[str, LackOfFit]:
     """Return how the tests deviate over the orientation and, where it was chosen, the length."""
     one = np.zeros(len(tests.overhang), dtype=int)
 
@@ -256,7 +256,7 @@ def _objections(tests: Cantilever, lacks: dict[str, LackOfFit]) -> tuple[tuple[s
 
 
 def _shown_stiffness(
-    tests: Cantilever, strips: Strips, per_stiffness: float, fit: Fit, off_axis: str
+    tests: Cantilever, strips: StripsByFibre, per_stiffness: float, fit: Fit, off_axis: str
 ) -> dict[str, tuple[float, float]]:
     """Least and largest C11, C22, C12 [Pa] that deflection curves show; nan where one fits."""
     unknown = (np.nan, np.nan)
@@ -294,7 +294,7 @@ def _fmax(a: float, b: float) -> float:
 
 
 def _first_estimate(
-    stiffness: np.ndarray, tests: Cantilever, strips: Strips, off_axis: str, file
+    stiffness: np.ndarray, tests: Cantilever, strips: StripsByFibre, off_axis: str, file
 ) -> tuple[dict[str, float], list[str]]:
     """Return the entries of C^B [Pa] from mean stiffnesses, and what they rest on in words."""
     C11, C22 = stiffness[strips.along_1].mean(), stiffness[strips.along_2].mean()
@@ -506,7 +506,7 @@ def _curve(tests: Cantilever, strips: np.ndarray, points: np.ndarray, weight: fl
         for line, length, tip in zip(measured, lengths, theta[SHARES.size :], strict=True):
             shape = curve_elastica_with_tip_slope(curve, weight, tip)
             hanging = (shape.load_parameter * curve.start_slope / weight) ** (1.0 / 3.0)
-            away = signed_distance(line, hanging * np.stack([shape.x, shape.y]))
+            away = distance_below(line, hanging * np.stack([shape.x, shape.y]))
             found.append(np.append(away, hanging - length) / length)
         return np.concatenate(found)
 
@@ -532,7 +532,7 @@ def _misses(tests: Cantilever, strips: np.ndarray, curve: MomentCurve, weight: f
         x, y = tests.curves[strip][:2]
         length = length_of_line(x, y)
         shape = curve_elastica(curve, weight, length)
-        away = signed_distance(np.stack([x, y]), length * np.stack([shape.x, shape.y]))
+        away = distance_below(np.stack([x, y]), length * np.stack([shape.x, shape.y]))
         off = float(np.abs(away).max()) / length
         if off > CLOSE_SHAPE:
             found.append(

@@ -180,7 +180,7 @@ SHOWN = {
 
 
 @dataclass(frozen=True)
-class Wish:
+class RowChoice:
     """What a user asks for before a fit; nothing by default.
 
     Attributes
@@ -225,13 +225,13 @@ class Entering(NamedTuple):
     left_out: tuple[LeftOut, ...]
 
 
-def entering_rows(data: CouponData, axes: Axes, wish: Wish, fewest: int) -> Entering:
+def entering_rows(data: CouponData, axes: Axes, choice: RowChoice, fewest: int) -> Entering:
     """Return the rows of a file that enter the fit, counted from the zeros that were asked for.
 
     Parameters
     ----------
     data : all rows. axes : which columns are driven and bear the load.
-    wish : what is asked for. fewest : rows that a fit needs.
+    choice : what is asked for. fewest : rows that a fit needs.
 
     Raises
     ------
@@ -239,17 +239,17 @@ def entering_rows(data: CouponData, axes: Axes, wish: Wish, fewest: int) -> Ente
         do not tell, a specimen that is not there, or too few rows in the end.
     """
     work = _Work(data, axes)
-    if wish.zero is not None:
-        work.shift(wish.zero)
-    if wish.without is not None:
-        work.drop(wish.without)
-    if wish.ranges:
-        work.cut(wish.ranges)
+    if choice.zero is not None:
+        work.shift(choice.zero)
+    if choice.without is not None:
+        work.drop(choice.without)
+    if choice.ranges:
+        work.cut(choice.ranges)
     kept = work.data.keep(work.stays)
     if len(kept.lines) < fewest and len(kept.lines) < len(data.lines):
         raise InputError(
             f"{len(kept.lines)} of {len(data.lines)} rows are left; at least {fewest} are needed",
-            key=RANGE if wish.ranges else WITHOUT, file=data.file,
+            key=RANGE if choice.ranges else WITHOUT, file=data.file,
         )  # fmt: skip
     return Entering(kept, tuple(work.told), tuple(work.left_out))
 

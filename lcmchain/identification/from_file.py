@@ -26,7 +26,7 @@ from lcmchain.identification.data import Column, CouponData, read_coupon
 from lcmchain.identification.entering_rows import (
     WITHOUT,
     Axes,
-    Wish,
+    RowChoice,
     entering_rows,
     found_drops,
     with_left_out,
@@ -59,7 +59,7 @@ SIZES: dict[str, tuple[Dimension, str, str]] = {
     "angle": (ANGLE, "41.5 deg", "default, ISO 9073-7"),
 }
 
-NOTHING_ASKED = Wish()
+NOTHING_ASKED = RowChoice()
 #: Tests that tell the shear polynomial, and the sizes of their specimens.
 TESTS = {
     "bias-extension": ("length", "width", "thickness"),
@@ -76,7 +76,7 @@ def identify_shear_file(
     convention: str = "engineering",
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
     test: str = "bias-extension",
     measured_angle: bool = False,
 ) -> Identification:
@@ -129,7 +129,7 @@ def identify_viscous_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify shear polynomial and viscosity from a file; ``sizes``: side, thickness as text.
 
@@ -159,7 +159,7 @@ def identify_off_axis_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify a unidirectional fabric from off-axis tension, as :func:`identify_shear_file`.
 
@@ -189,7 +189,7 @@ def identify_compaction_file(
     noise_floor: float = 0.001,
     table: bool = False,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
@@ -361,14 +361,14 @@ def _fitted(
     fit: Callable[[CouponData, tuple], Identification],
     data: CouponData,
     inputs: tuple,
-    wish: Wish,
+    choice: RowChoice,
     axes: Axes,
     fewest: int,
 ) -> Identification:
     """Return what ``fit`` finds in the rows that enter it, for data and table of inputs."""
-    rows = entering_rows(data, axes, wish, fewest)
+    rows = entering_rows(data, axes, choice, fewest)
     drops = []
-    if wish.without is None and axes.load.name == "force" and not axes.remembers:
+    if choice.without is None and axes.load.name == "force" and not axes.remembers:
         drops = found_drops(rows.data, axes)
     told = [f"{words}: {WITHOUT} {kind} leaves that out" for kind, words in drops]
     try:

@@ -360,7 +360,8 @@ def _judge(data: CouponData, strips: Strips, fit: Fit) -> tuple[LackOfFit, list[
         at_angle = _at(strips.angle, angle)
         lack = lack_of_fit(
             data["displacement"][at_angle], strips.force[at_angle], fit.model[at_angle],
-            strips.specimen[at_angle], tolerance=TOLERANCE_OF_ANGLES,
+            strips.specimen[at_angle],
+            tolerance=TOLERANCE_OF_ANGLES,
         )  # fmt: skip
         if lack.is_systematic:
             name = f"the law at {np.degrees(angle):.3g} deg"

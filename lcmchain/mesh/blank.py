@@ -22,14 +22,14 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import boundary_edges, cell_areas, cell_heights
 from lcmchain.mesh.contours import Contours, Drawn, contours_of
-from lcmchain.mesh.cut import ON_OUTLINE, Cells
+from lcmchain.mesh.cut import ON_OUTLINE, LatticeCells
 from lcmchain.mesh.drawing import Drawing
 from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
 from lcmchain.mesh.lattice import best_lattice, number_by_lines
 from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
-    place,
+    in_mm,
 )
 from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame, spanned
 from lcmchain.quantities.entry_types import (
@@ -401,7 +401,7 @@ def build_blank(
 
 
 def _check_coverage(
-    cells: Cells, area: float, edge_length: float, to_scene: np.ndarray, key: str
+    cells: LatticeCells, area: float, edge_length: float, to_scene: np.ndarray, key: str
 ) -> None:
     advice = f"choose a smaller blank.edge_length than {edge_length:g} m"
     if len(cells.faces) == 0 or cells.piece_count != 1:
@@ -413,7 +413,7 @@ def _check_coverage(
     if cells.smallest_height <= 0.0:
         middle = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
         raise InputError(
-            f"cannot be meshed near {place(middle)}, an element would be inverted; {advice}",
+            f"cannot be meshed near {in_mm(middle)}, an element would be inverted; {advice}",
             key=key,
         )
     difference = cells.area / area - 1.0
@@ -425,7 +425,9 @@ def _check_coverage(
         )
 
 
-def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_length: float) -> None:
+def _check_loops(
+    cells: LatticeCells, contours: Contours, in_fibres: Contours, edge_length: float
+) -> None:
     """Refuse holes and slits that are lost between the elements, or run into each other."""
     edges = boundary_edges(cells.faces)
     ends = np.unique(edges)
@@ -440,7 +442,7 @@ def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_len
         middle = shapely.Polygon(hole).representative_point()
         if len(covered.query(middle, predicate="within")):
             raise InputError(
-                f"is narrower than two elements, near {place(contours.rings[1 + number][0])}; "
+                f"is narrower than two elements, near {in_mm(contours.rings[1 + number][0])}; "
                 f"choose a smaller blank.edge_length than {edge_length:g} m, or leave it out",
                 key=f"blank.holes[{number}]",
             )
@@ -457,7 +459,7 @@ def _check_jacobians(positions: np.ndarray, faces: np.ndarray) -> None:
     if not (heights > 0.0).all():
         element = int(np.argmin(heights))
         raise InputError(
-            f"element {element} near {place(positions[faces[element]].mean(axis=0))} is inverted "
+            f"element {element} near {in_mm(positions[faces[element]].mean(axis=0))} is inverted "
             "in the undeformed blank; use a smaller perturbation or another blank.edge_length"
         )
 

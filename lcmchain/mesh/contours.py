@@ -17,7 +17,14 @@ import numpy as np
 import shapely
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.outline import BlankShape, check_simple, cross, outline_of, place, polygon_area
+from lcmchain.mesh.outline import (
+    BlankShape,
+    check_simple,
+    cross,
+    in_mm,
+    outline_of,
+    polygon_area,
+)
 
 # Relative to the size of the blank: a point this near to the rim lies on it.
 ON_RIM = 1e-6
@@ -248,7 +255,7 @@ def with_cuts(
     for (one, first), (other, second) in combinations(enumerate(rings[1:]), 2):
         if shapely.Polygon(first).distance(shapely.Polygon(second)) <= ON_RIM * size:
             raise InputError(
-                f"touches or crosses {key}.holes[{one}] near {place(second[0])}; leave some "
+                f"touches or crosses {key}.holes[{one}] near {in_mm(second[0])}; leave some "
                 "elements between them, or make them one hole",
                 key=f"{key}.holes[{other}]",
             )
@@ -270,13 +277,13 @@ def _cut_dart(
     polygon = shapely.Polygon(rim)
     if not shapely.contains_xy(polygon, *apex) or _distance(rim, apex) <= ON_RIM * size:
         raise InputError(
-            f"has its apex, the second point, at {place(apex)}, which is not inside the outline; "
+            f"has its apex, the second point, at {in_mm(apex)}, which is not inside the outline; "
             "give a point of the rim, the apex, and another point of the rim",
             key=key,
         )
     if abs(cross(dart[0] - apex, dart[2] - apex)) <= 1e-9 * size**2:
         raise InputError(
-            f"has no width at {place(apex)}: its three points lie on one line; a cut without a "
+            f"has no width at {in_mm(apex)}: its three points lie on one line; a cut without a "
             "width is an entry of slits",
             key=key,
         )
@@ -318,14 +325,14 @@ def _on_rim(
         near = shapely.LinearRing(rim)
         foot = np.array(near.interpolate(near.project(shapely.Point(point))).coords[0])
         raise InputError(
-            f"does not reach the rim: its point {place(point)} lies inside the outline; move it "
-            f"onto the rim, as to {place(foot)}, or beyond",
+            f"does not reach the rim: its point {in_mm(point)} lies inside the outline; move it "
+            f"onto the rim, as to {in_mm(foot)}, or beyond",
             key=key,
         )
     side = int(np.argmin(np.where(meets, way, np.inf)))
     if (meets & (way > way[side] + ON_RIM * size / np.hypot(*leg))).any():
         raise InputError(
-            f"crosses the rim or another dart between its apex {place(apex)} and {place(point)}; "
+            f"crosses the rim or another dart between its apex {in_mm(apex)} and {in_mm(point)}; "
             "give points of the rim, and leave some elements between darts",
             key=key,
         )
@@ -350,7 +357,8 @@ def _checked_hole(rim: np.ndarray, hole: np.ndarray, size: float, key: str) -> n
     sheet, opening = shapely.Polygon(rim), shapely.Polygon(hole)
     if not sheet.intersects(opening):
         raise InputError(
-            f"lies outside the outline, near {place(hole[0])}; holes lie within it", key=key
+            f"lies outside the outline, near {in_mm(hole[0])}; holes lie within it",
+            key=key,
         )
     out = ~shapely.contains_xy(sheet, *hole.T)
     if (
@@ -360,7 +368,7 @@ def _checked_hole(rim: np.ndarray, hole: np.ndarray, size: float, key: str) -> n
     ):
         at = hole[int(np.argmax(out))] if out.any() else _nearest(sheet.exterior, opening)
         raise InputError(
-            f"touches or crosses the outline near {place(at)}; leave some elements between them, "
+            f"touches or crosses the outline near {in_mm(at)}; leave some elements between them, "
             "or cut the hole out of the outline",
             key=key,
         )
@@ -408,21 +416,21 @@ def _checked_slit(sheet: Contours, slit: np.ndarray, size: float, key: str) -> n
     if not np.isfinite(slit).all():
         raise InputError("has a coordinate that is not a finite number", key=key)
     if (np.hypot(*np.diff(slit, axis=0).T) <= 1e-9 * size).any():
-        raise InputError(f"repeats a point near {place(slit[0])}; remove it", key=key)
+        raise InputError(f"repeats a point near {in_mm(slit[0])}; remove it", key=key)
     line = shapely.LineString(slit)
     if not line.is_simple or line.is_ring:
         raise InputError(
-            f"crosses itself or is closed, near {place(slit[0])}; a closed cut is an entry of "
+            f"crosses itself or is closed, near {in_mm(slit[0])}; a closed cut is an entry of "
             "holes",
             key=key,
         )
     there = sheet.polygon.intersection(line)
     parts = [part for part in shapely.get_parts(there) if part.length > ON_RIM * size]
     if not parts:
-        raise InputError(f"lies outside the blank, near {place(slit[0])}", key=key)
+        raise InputError(f"lies outside the blank, near {in_mm(slit[0])}", key=key)
     if len(parts) > 1:
         raise InputError(
-            f"crosses the rim or a hole near {place(np.array(parts[0].coords[-1]))} and comes "
+            f"crosses the rim or a hole near {in_mm(np.array(parts[0].coords[-1]))} and comes "
             "back; give two slits",
             key=key,
         )

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.contours import Drawn
-from lcmchain.mesh.outline import check_simple, place
+from lcmchain.mesh.outline import check_simple, in_mm
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     FileName,
@@ -142,7 +142,7 @@ def read_drawing(
     for slit in slits:
         if slit.is_closed:
             raise InputError(
-                f"has the closed line {slit.name} among the slits, near {place(slit.points[0])}; "
+                f"has the closed line {slit.name} among the slits, near {in_mm(slit.points[0])}; "
                 "a closed cut is a hole: draw it on the layer of the outline",
                 file=path,
             )
@@ -239,7 +239,7 @@ def _curve(entity: Any, factor: float, sagitta: float, path: Path) -> Curve:
     if np.ptp(points[:, 2]) > 1e-6 * max(float(np.ptp(points[:, :2], axis=0).max()), sagitta):
         raise InputError(
             f'is not flat: {entity.dxftype()} {handle} on layer "{entity.dxf.layer}" near '
-            f"{place(points[0])} reaches over {1e3 * np.ptp(points[:, 2]):.3g} mm of z; draw the "
+            f"{in_mm(points[0])} reaches over {1e3 * np.ptp(points[:, 2]):.3g} mm of z; draw the "
             "blank in the plane of x and y",
             file=path,
         )
@@ -307,7 +307,7 @@ def _joined(curves: list[Curve], gap: float, path: Path) -> list[Curve]:
         if len(meeting) > 2:
             names = ", ".join(parts[part].handles[0] for part in meeting[:5])
             raise InputError(
-                f"branches at {place(ends[number])}: {len(meeting)} ends of lines ({names}, layer "
+                f"branches at {in_mm(ends[number])}: {len(meeting)} ends of lines ({names}, layer "
                 f'"{parts[meeting[0]].layer}") meet there; remove what is drawn twice, or name the '
                 "layer of the contours",
                 file=path,
@@ -376,8 +376,8 @@ def _closed(curves: list[Curve], gap: float, path: Path) -> list[Curve]:
         away[1] = np.inf
         nearest = ends[int(np.argmin(away))]
         raise InputError(
-            f"has a contour that is not closed: {curve.name} ends at {place(curve.points[-1])}, "
-            f"{1e3 * away.min():.4g} mm from the next end at {place(nearest)}; close it, give a "
+            f"has a contour that is not closed: {curve.name} ends at {in_mm(curve.points[-1])}, "
+            f"{1e3 * away.min():.4g} mm from the next end at {in_mm(nearest)}; close it, give a "
             f"larger gap than {1e3 * gap:.4g} mm, or name the layer of the contours (open lines "
             "that are slits: slit_layer)",
             file=path,
@@ -399,14 +399,14 @@ def _nested(curves: list[Curve], path: Path) -> tuple[np.ndarray, tuple[np.ndarr
             if shape.boundary.intersects(beside.boundary):
                 at = shapely.get_coordinates(shape.boundary.intersection(beside.boundary))[0]
                 raise InputError(
-                    f"has contours that cross or touch at {place(at)}: {other.name}, and "
+                    f"has contours that cross or touch at {in_mm(at)}: {other.name}, and "
                     f"{curve.name}",
                     file=path,
                 )
     depth = [sum(o is not s and o.contains(s) for o in shapes) for s in shapes]
     outer = [curve for curve, level in zip(curves, depth) if level == 0]
     if len(outer) > 1:
-        names = "; ".join(f"{c.name} at {place(c.points[0])}" for c in outer[:4])
+        names = "; ".join(f"{c.name} at {in_mm(c.points[0])}" for c in outer[:4])
         raise InputError(
             f"has {len(outer)} contours that lie in no other one: {names}; one is the outline of a "
             "blank: name its layer, or give a drawing for each ply",
@@ -415,7 +415,7 @@ def _nested(curves: list[Curve], path: Path) -> tuple[np.ndarray, tuple[np.ndarr
     for curve, level in zip(curves, depth):
         if level > 1:
             raise InputError(
-                f"has a contour in a hole: {curve.name} at {place(curve.points[0])}; remove it",
+                f"has a contour in a hole: {curve.name} at {in_mm(curve.points[0])}; remove it",
                 file=path,
             )
     holes = tuple(curve.points for curve, level in zip(curves, depth) if level == 1)

@@ -173,7 +173,7 @@ def in_order(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
 # --- cuts by a plane, or by any level of a function on nodes --------------------------------------
 
 
-class CutEdges(NamedTuple):
+class CutPolygons(NamedTuple):
     """Polygons that are cut, and the ends of their cuts.
 
     polygons : (P,) numbers of the polygons that are crossed twice.
@@ -193,7 +193,7 @@ class CutEdges(NamedTuple):
         return first + self.share[:, None] * (second - first)
 
 
-def cut_edges(polygons: np.ndarray, height: np.ndarray) -> CutEdges:
+def cut_polygons(polygons: np.ndarray, height: np.ndarray) -> CutPolygons:
     """Cut polygons where a height over nodes changes its sign; 0 counts as above.
 
     Parameters
@@ -207,4 +207,4 @@ def cut_edges(polygons: np.ndarray, height: np.ndarray) -> CutEdges:
     edges = np.sort(sides[cut][crossed[cut]], axis=1)
     nodes, number = np.unique(edges, axis=0, return_inverse=True)
     share = height[nodes[:, 0]] / (height[nodes[:, 0]] - height[nodes[:, 1]])
-    return CutEdges(cut, number.reshape(-1, 2), nodes, share)
+    return CutPolygons(cut, number.reshape(-1, 2), nodes, share)

@@ -91,7 +91,7 @@ def check_simple(outline: np.ndarray, key: str) -> None:
         repeated = int(np.argmin(lengths))
         raise InputError(
             f"point {repeated + 2 if repeated + 1 < vertex_count else 1} repeats the point before "
-            f"it, {place(start[repeated])}; remove one of them",
+            f"it, {in_mm(start[repeated])}; remove one of them",
             key=key,
         )
     # Neighbouring edges share a point; they may only not fold back onto each other.
@@ -105,11 +105,11 @@ def check_simple(outline: np.ndarray, key: str) -> None:
     meeting = touching[(apart > 1) & (apart < vertex_count - 1)]
     first, other = min(meeting.tolist(), default=(vertex_count, vertex_count))
     if fold < vertex_count and fold <= first:
-        raise InputError(f"folds back onto itself at {place(end[fold])}", key=key)
+        raise InputError(f"folds back onto itself at {in_mm(end[fold])}", key=key)
     if first < vertex_count:
         raise InputError(
-            f"intersects itself: the edge from point {first + 1} {place(start[first])} meets "
-            f"the edge from point {other + 1} {place(start[other])}; give the points in the "
+            f"intersects itself: the edge from point {first + 1} {in_mm(start[first])} meets "
+            f"the edge from point {other + 1} {in_mm(start[other])}; give the points in the "
             "order in which one walks around the blank",
             key=key,
         )
@@ -170,6 +170,6 @@ def whole_number(value: float) -> int:
     return math.floor(value + 0.5)
 
 
-def place(point: np.ndarray) -> str:
+def in_mm(point: np.ndarray) -> str:
     """Point of the plane [m] as text in mm, for messages."""
     return f"({1e3 * point[0]:.4g}, {1e3 * point[1]:.4g}) mm"

@@ -30,7 +30,7 @@ class CutEdges(NamedTuple):
 
     low: np.ndarray  # node before the cut, shape (cuts,)
     high: np.ndarray  # node behind it
-    part: np.ndarray  # of the edge that lies before the cut [1]
+    share: np.ndarray  # of the edge that lies before the cut [1]
     position: np.ndarray  # of the cut [m], shape (cuts, 2)
 
 
@@ -416,7 +416,7 @@ class _Parts:
         kept = np.array(
             [pair not in present for pair in zip(old.low.tolist(), old.high.tolist())], bool
         )
-        low, high, part, position = [], [], [], []
+        low, high, share, position = [], [], [], []
         for edge, stretches in edges.items():
             axis, line, _ = edge
             at = float(self.lines[axis][line])
@@ -435,17 +435,17 @@ class _Parts:
                     value = self._coordinate(edge, where)
                     low.append(ends[0])
                     high.append(ends[1])
-                    part.append(where)
+                    share.append(where)
                     position.append((at, value) if axis == 0 else (value, at))
         return CutEdges(
             np.concatenate([old.low[kept], np.array(low, dtype=np.int64)]),
             np.concatenate([old.high[kept], np.array(high, dtype=np.int64)]),
-            np.concatenate([old.part[kept], np.array(part, dtype=float)]),
+            np.concatenate([old.share[kept], np.array(share, dtype=float)]),
             np.concatenate([old.position[kept], np.array(position, dtype=float).reshape(-1, 2)]),
         )
 
     def _coordinate(self, edge: tuple[int, int, int], where: float) -> float:
-        """Coordinate of the crossing at a part of an edge, with its own digits."""
+        """Coordinate of the crossing at a share of an edge, with the digits of the contour."""
         along = self.lines[1 - edge[0]]
         low, high = float(along[edge[2] - 1]), float(along[edge[2]])
         value = low + where * (high - low)

@@ -100,7 +100,7 @@ class Numbering:
         return np.where(self._sorted[at] == wanted, self._order[at], -1)
 
 
-class LeftOut:
+class LeftOutElements:
     """Elements of kinds that are no cells, by the numbers of their nodes: sets of them keep these.
 
     Parameters

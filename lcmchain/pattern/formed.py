@@ -11,7 +11,7 @@ import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.fields.sheet import edge_length, reference_positions, sheet_faces, sheet_positions
-from lcmchain.mesh.outline import place
+from lcmchain.mesh.outline import in_mm
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +75,7 @@ class FormedSheet:
         if outside.max() > 1e-6 * self.edge_length:
             worst = int(np.argmax(outside))
             raise InputError(
-                f"does not lie on the formed sheet: at {place(points[worst])} the sheet is "
+                f"does not lie on the formed sheet: at {in_mm(points[worst])} the sheet is "
                 f"{1e3 * outside[worst]:.3g} mm away in plan; give a larger blank, or another line",
                 key=key,
             )

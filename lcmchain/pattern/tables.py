@@ -21,7 +21,7 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     sheet_positions,
 )
-from lcmchain.mesh.lines import cut_edges, in_order
+from lcmchain.mesh.lines import cut_polygons, in_order
 from lcmchain.mesh.outline import check_simple, polygon_area
 from lcmchain.mesh.places import Places
 from lcmchain.quantities.units import length_factor
@@ -64,7 +64,7 @@ def section_table(
     positions, faces = sheet_positions(sheet, frame), sheet_faces(sheet)
     normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     height = (positions - point) @ normal - ASIDE * float(np.ptp(positions, axis=0).max())
-    cut = cut_edges(faces, height)
+    cut = cut_polygons(faces, height)
     if len(cut.polygons) == 0:
         raise InputError("the plane of the section misses the sheet; move its point")
     places = cut.places(positions)

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.tools.surfaces.surface import Orientation, edges, place_text, warn
+from lcmchain.tools.surfaces.surface import Orientation, edges, in_metres, warn
 from lcmchain.tools.surfaces.triangle_distance import closest_places, triangle_tree
 
 #: Points of the blank that are asked on which side of an open part they lie.
@@ -65,7 +65,7 @@ def agreeing(
     if (as_given == turned).any():
         worst = points[triangles[int(np.argmax(as_given == turned))]].mean(axis=0)
         raise InputError(
-            f"the surface has only one side (like a Moebius strip) near {place_text(worst)}, so "
+            f"the surface has only one side (like a Moebius strip) near {in_metres(worst)}, so "
             "that inside and outside cannot be told; repair the mesh",
             file=file,
         )

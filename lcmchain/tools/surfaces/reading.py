@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import QuantityError, length_factor
 from lcmchain.tools.surfaces.orientation import oriented
-from lcmchain.tools.surfaces.surface import WELD, Surface, edge_middle, edges, place_text, warn
+from lcmchain.tools.surfaces.surface import WELD, Surface, edge_middle, edges, in_metres, warn
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
@@ -62,7 +62,7 @@ def read_surface(
         warn(
             file,
             f"{np.count_nonzero(edge_use > 2)} edges belong to more than two triangles, the first "
-            f"at {place_text(worst)}; inside and outside may be confused near them",
+            f"at {in_metres(worst)}; inside and outside may be confused near them",
         )
     return surface
 

@@ -105,5 +105,5 @@ def warn(file: Path, message: str) -> None:
     warnings.warn(ToolWarning(f"{file}: {message}"), stacklevel=3)
 
 
-def place_text(point: np.ndarray) -> str:
+def in_metres(point: np.ndarray) -> str:
     return "({:.4g}, {:.4g}, {:.4g}) m".format(*point)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.tools.surfaces.orientation import agreeing, closed_parts, contains, signed_volume
-from lcmchain.tools.surfaces.surface import WELD, edges, place_text
+from lcmchain.tools.surfaces.surface import WELD, edges, in_metres
 
 #: Twice the area of a triangle, over the square of its longest side, below which it has none.
 NEEDLE = 1e-12
@@ -46,7 +46,7 @@ def united(
         corner = points[triangles[int(np.argmax(~closed[part]))]].mean(axis=0)
         raise InputError(
             f"only closed solids can be united, and {np.count_nonzero(~closed)} of "
-            f"{len(closed)} parts are open, the first near {place_text(corner)}; close them, or "
+            f"{len(closed)} parts are open, the first near {in_metres(corner)}; close them, or "
             "leave out union",
             file=file,
         )
@@ -60,7 +60,7 @@ def united(
         manifolds.append(Manifold(mesh))
         if manifolds[-1].status() != Error.NoError:
             raise InputError(
-                f"a solid near {place_text(points[used].mean(axis=0))} cannot be united with "
+                f"a solid near {in_metres(points[used].mean(axis=0))} cannot be united with "
                 f"others ({manifolds[-1].status().name}); repair the mesh",
                 file=file,
             )
@@ -85,7 +85,7 @@ def _solids(
         around = [k for k in solids if contains(points[of_part[k]], middle)]
         if not around:
             raise InputError(
-                f"the part around {place_text(middle)} is hollow: a mould in which the blank lies, "
+                f"the part around {in_metres(middle)} is hollow: a mould in which the blank lies, "
                 "or without an inside; solids can be united, it cannot. Leave out union, or give "
                 "it a file of its own",
                 file=file,
@@ -102,7 +102,7 @@ def _require_areas(points: np.ndarray, triangles: np.ndarray, file: Path) -> Non
     if wrong.any() or (edges(triangles)[2] % 2 != 0).any():
         place = points[triangles[int(np.argmax(wrong))]].mean(axis=0)
         raise InputError(
-            f"the solids meet so closely near {place_text(place)} that their union has triangles "
+            f"the solids meet so closely near {in_metres(place)} that their union has triangles "
             "without an area; unite them in the CAD program",
             file=file,
         )

@@ -16,7 +16,7 @@ from lcmchain.errors import InputError, first_few
 from lcmchain.mesh_files.file_mesh import (
     NO_IDS,
     FileMesh,
-    LeftOut,
+    LeftOutElements,
     Numbering,
     Place,
     keep_as_nodes,
@@ -289,8 +289,8 @@ class _Placed:
         return Numbering(self.cell_ids)
 
     @cached_property
-    def left_out(self) -> LeftOut:
-        return LeftOut([element for scope in self.scopes for element in scope.left_out])
+    def left_out(self) -> LeftOutElements:
+        return LeftOutElements([element for scope in self.scopes for element in scope.left_out])
 
     def sets(self, of_nodes: bool) -> dict[str, tuple[str, list[Entry]]]:
         """Name as spelt and entries of each set, by its name in upper case."""

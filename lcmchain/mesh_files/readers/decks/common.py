@@ -8,7 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, LeftOut, Numbering, keep_as_nodes
+from lcmchain.mesh_files.file_mesh import (
+    NO_IDS,
+    FileMesh,
+    LeftOutElements,
+    Numbering,
+    keep_as_nodes,
+)
 
 _REAL = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[EeDd]?([+-]?\d+))?")
 
@@ -83,7 +89,12 @@ class NumberedSets:
         self.mesh.node_sets[_free(name, self.mesh.node_sets)] = np.unique(rows[rows >= 0])
 
     def add_cells(
-        self, name: str, numbers: np.ndarray, cells: Numbering, first: int, left_out: LeftOut
+        self,
+        name: str,
+        numbers: np.ndarray,
+        cells: Numbering,
+        first: int,
+        left_out: LeftOutElements,
     ) -> None:
         """Add a set of elements by their numbers.
 

@@ -20,7 +20,7 @@ from lcmchain.mesh_files.file_mesh import (
     NO_IDS,
     Cells,
     FileMesh,
-    LeftOut,
+    LeftOutElements,
     Numbering,
     Place,
     merged_blocks,
@@ -98,7 +98,7 @@ class _DynaSets:
         self,
         sets: NumberedSets,
         cells: Mapping[str, tuple[int, Numbering]],
-        left_out: Mapping[str, LeftOut],
+        left_out: Mapping[str, LeftOutElements],
         part_of_cell: np.ndarray,
     ) -> None:
         """Set the sets of the mesh, and its notes about what they lose.
@@ -120,7 +120,7 @@ class _DynaSets:
                 else:
                     family = kind.lower()
                     first, numbering = cells.get(family, none)
-                    aside = left_out.get(family, LeftOut())
+                    aside = left_out.get(family, LeftOutElements())
                     known = np.concatenate([numbering.ids, aside.numbers])
                     members = self._members(kind, number, known)
                     sets.add_cells(one.name, members, numbering, first, aside)
@@ -461,7 +461,7 @@ def _mesh(deck: _Deck, ids: np.ndarray, points: np.ndarray, nodes: Numbering) ->
     }
     mesh.parts = parts_of_numbers(of_cells, names)
     mesh.left_aside = {kind: len(rows) for kind, rows in deck.others.items() if rows}
-    left_out = {kind: LeftOut(rows) for kind, rows in deck.others.items()}
+    left_out = {kind: LeftOutElements(rows) for kind, rows in deck.others.items()}
     deck.sets.fill(sets, first_rows, left_out, of_cells)
     _note(mesh, deck)
     return mesh

@@ -14,7 +14,7 @@ from lcmchain.errors import InputError, first_few
 from lcmchain.mesh_files.file_mesh import (
     Cells,
     FileMesh,
-    LeftOut,
+    LeftOutElements,
     Numbering,
     keep_as_nodes,
     merged_blocks,
@@ -165,7 +165,7 @@ def _note_unknown(mesh: FileMesh, by_name: dict[str, list[Card]]) -> None:
         )
 
 
-def _left_out(by_name: dict[str, list[Card]]) -> tuple[LeftOut, dict[int, list[int]]]:
+def _left_out(by_name: dict[str, list[Card]]) -> tuple[LeftOutElements, dict[int, list[int]]]:
     """Elements that are no cells, and the nodes of each property of line elements."""
     elements = []
     of_property: dict[int, list[int]] = {}
@@ -177,7 +177,7 @@ def _left_out(by_name: dict[str, list[Card]]) -> tuple[LeftOut, dict[int, list[i
                 elements.append((int(card.text(0)), nodes))
             if aside.property >= 0 and _is_number(number := card.text(aside.property)):
                 of_property.setdefault(int(number), []).extend(nodes)
-    return LeftOut(elements), of_property
+    return LeftOutElements(elements), of_property
 
 
 def _is_number(text: str) -> bool:

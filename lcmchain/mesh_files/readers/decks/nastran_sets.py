@@ -16,7 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import (
     NO_IDS,
     FileMesh,
-    LeftOut,
+    LeftOutElements,
     Numbering,
     Place,
     keep_as_nodes,
@@ -68,7 +68,7 @@ def property_names(deck: NastranDeck) -> dict[int, str]:
 
 
 def fill_sets(
-    mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering, left_out: LeftOut
+    mesh: FileMesh, deck: NastranDeck, ids_of_nodes: Numbering, left_out: LeftOutElements
 ) -> None:
     """Set the sets of a mesh, with notes about those that are doubtful or lose entries.
 

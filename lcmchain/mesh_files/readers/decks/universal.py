@@ -20,7 +20,7 @@ from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import (
     Cells,
     FileMesh,
-    LeftOut,
+    LeftOutElements,
     Numbering,
     Place,
     merged_blocks,
@@ -262,7 +262,7 @@ def _shape(element: _Element) -> tuple[str, list[int]] | None:
 
 def _mesh(
     path: Path, elements: list[_Element], ids: np.ndarray, points: np.ndarray, nodes: Numbering
-) -> tuple[FileMesh, LeftOut]:
+) -> tuple[FileMesh, LeftOutElements]:
     """Mesh of nodes and elements, and the elements that are none of its cells."""
     by_shape: dict[str, list[_Element]] = {}
     orders: dict[str, list[int]] = {}
@@ -289,14 +289,14 @@ def _mesh(
     numbers = np.array([properties[label] for label in cell_ids.tolist()], dtype=np.int64)
     named = {number: f"property {number}" for number in numbers.tolist()}
     mesh.parts = parts_of_numbers(numbers, named)
-    return mesh, LeftOut([(element.label, element.nodes) for element in aside])
+    return mesh, LeftOutElements([(element.label, element.nodes) for element in aside])
 
 
 def _take_groups(
     mesh: FileMesh,
     by_number: dict[int, list[_Lines]],
     nodes: Numbering,
-    left_out: LeftOut,
+    left_out: LeftOutElements,
 ) -> None:
     """Take groups of nodes and of elements; one of both becomes a set of each."""
     sets = NumberedSets(mesh, nodes)
