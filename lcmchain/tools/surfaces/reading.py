@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import QuantityError, length_factor
-from lcmchain.tools.surfaces.orientation import oriented
+from lcmchain.tools.surfaces.solids import oriented, united
 from lcmchain.tools.surfaces.surface import WELD, Surface, edge_middle, edges, in_metres, warn
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
@@ -24,7 +24,7 @@ def read_surface(
     """Read the surface of a tool from an STL file, a deck, or any other mesh file.
 
     Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
-    turned into free space (:mod:`lcmchain.tools.surfaces.orientation`), each with a warning.
+    turned into free space (:func:`lcmchain.tools.surfaces.solids.oriented`), each with a warning.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def read_surface(
     length_unit : unit of its coordinates, for example "mm".
     blank : points [m] of the blank at the start in the frame of the mesh, shape [point_count, 3],
         on whose side open surfaces are free; None leaves them as they are.
-    union : unite the solids of the file (:mod:`lcmchain.tools.surfaces.union`).
+    union : unite the solids of the file (:func:`lcmchain.tools.surfaces.solids.united`).
 
     Raises
     ------
@@ -50,9 +50,6 @@ def read_surface(
         _warn_of_size(points, blank, file, length_unit)
     triangles, orientation = oriented(points, triangles, file, blank)
     if union:
-        # Imported here: few scenes unite solids.
-        from lcmchain.tools.surfaces.union import united
-
         points, triangles, count = united(points, triangles, file)
         orientation = replace(orientation, united=count)
     edge_of_side, _, edge_use = edges(triangles)
