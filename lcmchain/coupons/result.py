@@ -170,7 +170,7 @@ def finish(axis: Axes) -> None:
 
 
 def finish_loop(axis: Axes) -> None:
-    """Grid and open frame, of what lies on both sides of zero."""
+    """Grid and open frame, for curves on both sides of zero."""
     axis.grid(True, color="#e4e7ea", lw=0.6)
     axis.set_axisbelow(True)
     axis.spines["top"].set_visible(False)

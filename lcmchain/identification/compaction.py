@@ -1,10 +1,11 @@
 """Compaction of a fabric from plate-to-plate tests: at rest, Eq. (23) and (24), and what relaxes.
 
-Tests that only close tell the compaction law, Eq. (23), beside the power law, Eq. (24). Tests that
-hold their gap in the end tell what relaxes too. All rows of all tests are then fitted together: the
-law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
-along the thickness as it was measured over time. So the closing may be slow beside what relaxes. Of
-one, two or three elements the fewest are taken that leave as little as one more would.
+Tests that only close tell the compaction law, Eq. (23), and the power law, Eq. (24). Tests that
+hold their gap in the end tell the relaxation too. All rows of all tests are then fitted together:
+the law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
+along the thickness as it was measured over time. The closing may therefore be slow against the
+relaxation. The fit has the fewest of one, two or three elements that leave as little scatter as one
+more would.
 """
 
 from __future__ import annotations

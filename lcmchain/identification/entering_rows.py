@@ -1,9 +1,9 @@
 """Which rows of a test enter its fit, and from which zero they count.
 
 A testing machine counts from where its operator pressed the button: ahead of the contact with the
-specimen, or at a preload. A specimen slips in its clamps, and tears in the end. What a user asks
-for is applied here to every specimen by itself, in this order: zeros, slip and tear, range. All of
-it is told, and what is left out is drawn.
+specimen, or at a preload. A specimen slips in its clamps, and tears in the end. The choice of the
+user is applied here to every specimen by itself, in this order: zeros, slip and tear, range. The
+result lists all that was done, and its diagrams show the rows that were left out.
 
 - **Contact**: rows ahead of it tell the zero of the load. The travel counts from where the line of
   the first rows behind it meets no load (:func:`contact_of`).
@@ -181,7 +181,7 @@ SHOWN = {
 
 @dataclass(frozen=True)
 class RowChoice:
-    """What a user asks for before a fit; nothing by default.
+    """What a user chooses of the rows before a fit; all as they are by default.
 
     Attributes
     ----------
@@ -199,8 +199,8 @@ class RowChoice:
 class Axes(NamedTuple):
     """Columns of a kind of tests: what is driven, and what bears.
 
-    remembers : whether a row depends on all rows before, so that none of these may go.
-    drawn : column of the diagrams, and what turns the driven column into it, where it is another.
+    remembers : whether a row depends on all rows before it, none of which may then go.
+    drawn : column of the diagrams where it is not the driven one, and what turns that into it.
     """
 
     driven: Column
@@ -231,7 +231,7 @@ def entering_rows(data: CouponData, axes: Axes, choice: RowChoice, fewest: int) 
     Parameters
     ----------
     data : all rows. axes : which columns are driven and bear the load.
-    choice : what is asked for. fewest : rows that a fit needs.
+    choice : of the user. fewest : rows that a fit needs.
 
     Raises
     ------

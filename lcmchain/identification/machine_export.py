@@ -1,10 +1,10 @@
-"""Test data as testing machines write them: which table stands in an export, and what is what.
+"""Test data as testing machines write them: the tables of an export, and what their columns are.
 
 An export has lines about the test, a row of names in the language of the machine, units in the
 names or in a row of their own, and numbers with a decimal point or comma. Several specimens stand
 side by side or below each other. Text in UTF-8, UTF-16 or Windows-1252 and workbooks (.xlsx) are
-read. What a name means is recognised by words of six languages, and holds once the user has
-confirmed it: a wrong column would give a fit that looks right.
+read. The meaning of a name is recognised by words of six languages. It counts once the user
+has confirmed it: a wrong column would give a fit that looks right.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _UNITS = frozenset(
     "n/mm² n/mm2 n/mm^2 kn/m² ° deg rad °c degc k mm/min mm/s m/s % 1/m 1/cm 1/mm n*m/m gf*cm/cm "
     "-".split()
 )
-# Of units that the reader of units spells in another way.
+# Units that the reader of units spells in another way.
 _SPELLINGS = {
     "in.": "inch", "sec": "s", "sek": "s", "sek.": "s", "n/mm²": "N/mm^2", "kn/m²": "kN/m^2",
     "°": "deg", "°c": "degC",

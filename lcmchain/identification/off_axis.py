@@ -7,10 +7,10 @@ c s S, and the strain along the pull is a sum of three, exactly, at any stretch 
     (λ² - 1)/2 = c⁴ a S + s⁴ b S + c s g,   w'(g) = c s S,   F = w0 t0 λ S,
 
 with the compliances a = 1/E along the fibres and b across, and the shear law w' over g of
-:mod:`lcmchain.materials.fibre_families`. So the force at a measured stretch follows from one
-equation, which rises with S; its derivatives by a, b and the shear polynomial are in closed form.
-Angles tell the three apart. The fit minimises the misfit of the force (Gauss-Newton, with the
-bounds of a scene kept exactly).
+:mod:`lcmchain.materials.fibre_families`. The force at a measured stretch follows from one equation,
+which rises with S; its derivatives by a, b and the shear polynomial are in closed form. Tests at
+several angles tell the three apart. The fit minimises the misfit of the force (Gauss-Newton, with
+the bounds of a scene kept exactly).
 
 Sources: off-axis tests at 30, 45 and 60 degrees for such a fabric: Karlsruhe,
 doi 10.5445/IR/1000174521; the even state: :mod:`lcmchain.coupons.analytic.off_axis`.

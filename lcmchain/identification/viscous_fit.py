@@ -11,13 +11,13 @@ is the factor of the temperature on all times.
 
 The force of a frame is linear in the shear polynomial, the viscosities and the moduli of the
 Maxwell elements, once the time constant M and the exponent N of Cross's law, the relaxation times
-and the energy of activation are given. So these few alone are searched for: at each of their values
-the others follow from linear least squares, those of the rate not negative (variable projection,
-Golub and Pereyra 1973).
+and the energy of activation are given. Only these few are searched for. At each of their values the
+others follow from linear least squares, those of the rate not negative (variable projection, Golub
+and Pereyra 1973).
 
 Maxwell elements are added one at a time, at the relaxation time of a logarithmic grid that helps
-most, after which all times are refined together; an element stays that lowers the sum of squares by
-more than chance would (F test).
+most; then all times are refined together. An element stays if it lowers the sum of squares by more
+than chance would (F test).
 """
 
 from __future__ import annotations

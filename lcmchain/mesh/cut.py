@@ -198,8 +198,8 @@ def _move_onto_outline(
     moves_inside = from_inside <= reach
     moved = np.where(moves_inside == is_inside[low], low, high)
     way = np.where(moves_inside, from_inside, 1.0 - from_inside)
-    # Of several cuts that a node could move to it takes the nearest; rounding removes noise from
-    # the ties of a 45 degree edge, which all go to the column's cut, listed first.
+    # A node that could move to several cuts takes the nearest; rounding removes noise from the ties
+    # of a 45 degree edge, which all go to the column's cut, listed first.
     order = np.lexsort((np.arange(len(moved)), np.round(way, 6), moved))
     moved, position = moved[order], position[order]
     first = np.ones(len(moved), dtype=bool)

@@ -31,7 +31,7 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import length_factor
 
-#: A side of an arc turns by this at most: corners of the outline turn by more.
+#: Largest turn from one side of an arc to the next; corners of the outline turn by more.
 LARGEST_TURN = math.radians(10.0)
 #: Entities that are read; all others have no contour, are left out, and named.
 CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "INSERT")
@@ -326,7 +326,7 @@ def _chain(
     at_node: dict[int, list[int]],
     left: set[int],
 ) -> Curve:
-    """Follow joined curves from one on; what is used goes out of ``left``."""
+    """Return the curve that one and those joined to it make; they are taken out of ``left``."""
     start = first
     forward = not (len(at_node[node[2 * first]]) == 2 and len(at_node[node[2 * first + 1]]) == 1)
     points: list[np.ndarray] = []

@@ -1,6 +1,6 @@
 """What fields, files and solver ask the mesh of a sheet, and the fibres of a deformed one.
 
-:class:`SheetMesh` is what every mesh of a sheet answers, whatever its elements are.
+Every mesh of a sheet answers :class:`SheetMesh`, whatever its elements are.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class SheetMesh(Protocol):
 
     @property
     def initial_bend_part(self) -> np.ndarray:
-        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        """As :meth:`bend_part`, of the undeformed mesh, shape (element_count,) [m²]."""
 
     def sides(self) -> dict[str, slice]:
         """Return the nodes that stand for the mid-surface nodes, by the side that they lie on.
@@ -129,7 +129,7 @@ class UndeformedFrame:
 
     @cached_property
     def initial_bend_part(self) -> np.ndarray:
-        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        """As :meth:`bend_part`, of the undeformed mesh, shape (element_count,) [m²]."""
         return self.bend_part(self.node_positions)
 
 

@@ -36,8 +36,8 @@ class ToolTable(NamedTuple):
     aligned : 1 where the rotation is the identity and stays it, shape [T].
     direction : unit directions of travel, shape [T, 3].
     turn_axis, turn_point : unit axis and a point of it [m] of tools that turn, shape [T, 3]; the
-        axis is 0 for all others. Both None where no tool turns. The travel of one that does is its
-        angle [rad], and its direction is 0.
+        axis is 0 for all others. Both are None where no tool turns. A tool that turns has its angle
+        [rad] for a travel, and its direction is 0.
     friction : Coulomb friction coefficients, shape [T].
     initial_overlap : depth [m] in the tool up to which a node exerts no force, shape [T], see
         :func:`without_initial_overlap`.
@@ -47,8 +47,8 @@ class ToolTable(NamedTuple):
         [m/s2], time over which weight and force come on smoothly [s], shape [T]; zero for all
         others.
     load_start : time [s] at which weight and force of a guided tool begin to come on, shape [T].
-    travel_start : travel [m] that prescribed motions count from, shape [T]: 0, or what a tool has
-        gone by when a stage begins.
+    travel_start : travel [m] that prescribed motions count from, shape [T]: 0, or the travel of a
+        tool when a stage begins.
     stop : travel [m] after ``travel_start`` at which a guided tool is held; its sign is that of the
         way there; infinite without a stop, shape [T].
     until_force : force [N] of the sheets against a stroke at which it ends; infinite where none
@@ -228,7 +228,7 @@ def without_initial_overlap(
 
 
 def yields(tools: ToolTable) -> np.ndarray:
-    """Return of which tools, shape [T], a force decides how far they go.
+    """Return which tools, shape [T], go as far as a force lets them.
 
     A load guides them, or ends their stroke.
     """
@@ -248,7 +248,7 @@ def turning(table: ToolTable) -> np.ndarray:
 
 
 def placed(table: ToolTable, tool: int, points: np.ndarray, travel: float) -> np.ndarray:
-    """Return points of a tool at rest [m], shape [n, 3], where it has taken them.
+    """Return where a tool has taken its points [m], shape [n, 3].
 
     travel : along its direction [m], or its angle [rad].
     """
@@ -279,7 +279,7 @@ def rotation_and_shift(
 
 
 def lever(table: ToolTable, tool: int, points: np.ndarray) -> float:
-    """Return how far a tool moves at most at points [m], shape [n, 3], for its travel of 1.
+    """Return how far the fastest of a tool's points [m], shape [n, 3], moves for a travel of 1.
 
     1 for a travel along a direction, the largest distance from the axis [m] for an angle.
     """

@@ -43,8 +43,8 @@ TELLS = 0.05
 #: Smallest noise of a measured value relative to the largest one, by default: errors of a loop,
 #: whose values pass through zero, are nearly of one size.
 NOISE_FLOOR = 0.5
-# Friction that bears less than this part of what the elastic law bears, in the mean of the way, is
-# none: the inertia and damping of a test, and of a simulated one, look like it.
+# Friction below this part of the elastic force, in the mean of the way, counts as none: inertia and
+# damping of a test, and of a simulated one, look like it.
 TRACE = 0.02
 #: Chance that scatter adds friction to an elastic law, or a growth to the friction.
 FALSE_PART = 1e-3
@@ -52,7 +52,7 @@ FALSE_PART = 1e-3
 SHORTEST, LONGEST = 1e-3, 3.0
 _LENGTHS = 16  # of a first search
 _PASSES, _HALVINGS = 40, 12
-# What the rows say nothing of stays where it is, by rows of this weight.
+# Rows of this weight hold each parameter of which the data say nothing.
 _STAY = 1e-7
 
 
@@ -170,7 +170,7 @@ def courses(data: CouponData, place: np.ndarray, name: str, parts: int) -> tuple
 def _branches(course: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of the branch of each row, and the course without its scatter."""
     branch = np.zeros(len(course), dtype=int)
-    # of the sign of the start nothing is known before it has gone so far
+    # the sign of the start is not known before the test has gone so far
     away = np.flatnonzero(np.abs(course) > least)
     sense = float(np.sign(course[away[0]]))
     extreme = 0

@@ -46,8 +46,8 @@ _SOLID_SHAPES = {
 }
 # Variants (reduced integration, hybrid, thermal, ...) follow the number of nodes as letters.
 _SHELL = re.compile(r"(?:S|US|DS|M3D|CPS|CPE|CPEG|DC2D)(\d+)(?:R5|[A-Z]*5?)")
-# Rigid, surface and axisymmetric elements, which are cells only where a deck has no shells: so
-# meshio writes triangles and quadrilaterals.
+# Rigid, surface and axisymmetric elements, which are cells only where a deck has no shells. meshio
+# writes triangles and quadrilaterals in this way.
 _SECOND_CHOICE = re.compile(r"(?:R3D|SFM3D|CAX)(\d+)[A-Z]*")
 _STRI = {"STRI3": "triangle", "STRI65": "triangle6"}
 _CONTINUUM_SHELL = {"SC6": "wedge", "SC8": "hexahedron", "CSS8": "hexahedron"}

@@ -66,7 +66,7 @@ def deck_lines(path: Path) -> list[str]:
 
 
 class NumberedSets:
-    """Sets that are filled one after the other, and what is said of those that lose members.
+    """Sets that are filled one after the other, with notes about those that lose members.
 
     Members that the mesh does not have are counted. Elements that are no cells leave their nodes.
 
