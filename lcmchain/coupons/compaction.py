@@ -76,19 +76,7 @@ def compaction(
         the piece is held although its compaction does not relax.
     """
     require_solid_shell(element)
-    require_one_temperature(material)
-    if not 0.0 <= shear_angle < LARGEST_ANGLE:
-        raise InputError(
-            f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "
-            f"{math.degrees(LARGEST_ANGLE):g} deg",
-            key="shear_angle",
-        )
-    if hold > 0.0 and not material.relaxes:
-        raise InputError(
-            "lets the fabric relax, but its compaction does not; state "
-            "material.viscous.compaction, or leave it out",
-            key="--hold",
-        )
+    _require_pressable(material, shear_angle, hold)
     test = _Test(material.build(), shear_angle, hold)
     scene = _scene(test, material, element or Element(), pressure, size, edge_length)
     simulation = Simulation(build_model(scene, _sheared(shear_angle)))
@@ -135,6 +123,23 @@ def compaction(
             "balance_error_to_internal": energy["balance_error"] / energy["internal"],
         },
     )
+
+
+def _require_pressable(material: FabricMaterial, shear_angle: float, hold: float) -> None:
+    """Refuse what the law as a reference does not know, and a hold without relaxation."""
+    require_one_temperature(material)
+    if not 0.0 <= shear_angle < LARGEST_ANGLE:
+        raise InputError(
+            f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "
+            f"{math.degrees(LARGEST_ANGLE):g} deg",
+            key="shear_angle",
+        )
+    if hold > 0.0 and not material.relaxes:
+        raise InputError(
+            "lets the fabric relax, but its compaction does not; state "
+            "material.viscous.compaction, or leave it out",
+            key="--hold",
+        )
 
 
 class _Test(NamedTuple):

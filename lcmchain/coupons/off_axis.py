@@ -113,19 +113,7 @@ def off_axis(
         angle, or a strip that locks before the end.
     """
     require_solid_shell(element)
-    require_no_friction(material)
-    if not material.has_fibres:
-        raise InputError(
-            f'is "{material.law}", which has no fibres; off-axis tension needs law = "fabric" '
-            'or "fibre-families"',
-            key="material.law",
-        )
-    if not 0.0 < angle < 0.5 * math.pi:
-        raise InputError(
-            f"is {math.degrees(angle):.4g} deg; off-axis tension is at more than 0 and less than "
-            "90 deg, usually 30, 45 or 60",
-            key="angle",
-        )
+    _require_off_axis(material, angle)
     first, apart = lines_of(material.build())
     test = OffAxisTest(displacement)
     turn = angle - first
@@ -178,6 +166,23 @@ def off_axis(
         shown="shear_angle",
         figures=effort_of(simulation, recording),
     )
+
+
+def _require_off_axis(material: AnyMaterial, angle: float) -> None:
+    """Refuse materials without fibres or with friction in shear, and angles along or across."""
+    require_no_friction(material)
+    if not material.has_fibres:
+        raise InputError(
+            f'is "{material.law}", which has no fibres; off-axis tension needs law = "fabric" '
+            'or "fibre-families"',
+            key="material.law",
+        )
+    if not 0.0 < angle < 0.5 * math.pi:
+        raise InputError(
+            f"is {math.degrees(angle):.4g} deg; off-axis tension is at more than 0 and less than "
+            "90 deg, usually 30, 45 or 60",
+            key="angle",
+        )
 
 
 def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:

@@ -160,17 +160,7 @@ def picture_frame(
     InputError : the material is no fabric, or is held although nothing in it relaxes or it goes
         back.
     """
-    require_fabric(material, knows_losses=True)
-    if hold > 0.0 and not material.resists_rates:
-        raise InputError(
-            "lets the fabric relax, but its shear does not depend on its rate; state "
-            "material.viscous, or leave it out",
-            key="--hold",
-        )
-    if cycles and (hold > 0.0 or speed is not None):
-        raise InputError(
-            "go there and back in a second each; leave out --hold and --speed", key="--cycles"
-        )
+    _require_shearable(material, speed, hold, cycles)
     net = PictureFrame(side, material.thickness)
     test = PictureFrameTest(shear_angle, hold, cycles)
     duration = DURATION * max(2 * cycles, 1)
@@ -221,6 +211,23 @@ def picture_frame(
             "damping_to_external": energy["damping"][-1] / energy["external"][-1],
         },
     )
+
+
+def _require_shearable(
+    material: FabricMaterial, speed: float | None, hold: float, cycles: int
+) -> None:
+    """Refuse what is no fabric, a hold in which nothing relaxes, and cycles that are held."""
+    require_fabric(material, knows_losses=True)
+    if hold > 0.0 and not material.resists_rates:
+        raise InputError(
+            "lets the fabric relax, but its shear does not depend on its rate; state "
+            "material.viscous, or leave it out",
+            key="--hold",
+        )
+    if cycles and (hold > 0.0 or speed is not None):
+        raise InputError(
+            "go there and back in a second each; leave out --hold and --speed", key="--cycles"
+        )
 
 
 def _curves(
