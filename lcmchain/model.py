@@ -27,7 +27,7 @@ from lcmchain.effects.pore_columns import PoreColumns
 from lcmchain.effects.pressures import pressures_of
 from lcmchain.effects.regional_pressure import RegionalPressure, build_regional_pressure
 from lcmchain.effects.supports import Support, SupportTable, build_supports
-from lcmchain.elements.blocks import EMPTY_ROWS, LANES
+from lcmchain.elements.blocks import EMPTY_ROWS, LANES, NODE_CHUNK
 from lcmchain.elements.families import family_of
 from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
@@ -43,10 +43,8 @@ from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.scene.process import require_time_for_fluid, require_time_for_rates
 from lcmchain.scene.stages import StagePlan, number_at
 from lcmchain.stages import StageTables, absent_nodes, stage_tables
-from lcmchain.tools.initial_overlap import without_initial_overlap
 from lcmchain.tools.motion import STANDARD_GRAVITY
-from lcmchain.tools.span_rows import NODE_CHUNK
-from lcmchain.tools.table import ToolTable, build_tool_table
+from lcmchain.tools.table import ToolTable, build_tool_table, without_initial_overlap
 
 # Contact stiffness over nodal mass, relative to the square of the highest element frequency at the
 # start: 0.1 costs 5 % of the time step and leaves penetrations of some micrometres.

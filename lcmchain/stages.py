@@ -23,7 +23,7 @@ from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.scene.stages import StagePlan
 from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.motion.travel import travel_along
+from lcmchain.tools.motion.prescribed import travel_along
 from lcmchain.tools.table import ToolTable
 
 #: Columns of the tool table that a motion gives one number for.

@@ -15,12 +15,12 @@ import numpy as np
 
 from lcmchain.compilation.processor import aligned, zeros
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, VECTOR_ROWS
+from lcmchain.elements.blocks import PACKS_OF_CHUNK, SPANS_OF_CHUNK
 from lcmchain.errors import InputError
 from lcmchain.interfaces.forces import PLY_CLOCK, PLY_COUNTERS, SUM_COLUMNS
 from lcmchain.interfaces.springs import SLOPES
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.model import Model
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK, SPANS_OF_CHUNK
 
 # Columns of ``State.work``: energies [J] accumulated over the run, or of the last step.
 KINETIC = 0  # of the sheets and of guided tools, last step

@@ -31,7 +31,7 @@ from lcmchain.mapping.structure.mapped_file import is_mapped, mapped_state, open
 from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh.places import place_text
-from lcmchain.mesh_files.readers.nastran_sets import AMBIGUOUS_SETS
+from lcmchain.mesh_files.readers.decks.nastran_sets import AMBIGUOUS_SETS
 from lcmchain.results import require_complete
 from lcmchain.scene.infiltration import OwnPermeability, Preform
 from lcmchain.scene.permeability import Permeability

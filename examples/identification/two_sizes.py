@@ -18,7 +18,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from lcmchain.coupons.analytic import BiasExtension
-from lcmchain.coupons.plots import finish, two_panels
+from lcmchain.coupons.result import finish, two_panels
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.shear import identify_shear
 from lcmchain.report.style import SERIES

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from law import CrossingMaterial, rubbing_md600
 
-from lcmchain.coupons.plots import finish, two_panels
+from lcmchain.coupons.result import finish, two_panels
 from lcmchain.coupons.specimen import record
 from lcmchain.effects.supports import Support
 from lcmchain.report.style import SERIES

@@ -60,7 +60,7 @@ from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_time
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
 from lcmchain.state import STOPPED_TIME, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6

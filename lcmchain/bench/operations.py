@@ -24,6 +24,7 @@ from numba.core.dispatcher import Dispatcher
 
 from lcmchain.bench.hemisphere import SCENE
 from lcmchain.effects.fibre_bending import bend
+from lcmchain.elements.blocks import PACKS_OF_CHUNK
 from lcmchain.elements.solid_shell.kernel import element_forces
 from lcmchain.errors import SimulationError
 from lcmchain.packs import PACK, pack
@@ -31,7 +32,6 @@ from lcmchain.scene import scene_from_text
 from lcmchain.solver.interactions.contact_forces import PackOfNodes, press, rub
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT
 from lcmchain.tools.pack_distance import (
     closer_arc,
     closer_corner,
@@ -39,8 +39,7 @@ from lcmchain.tools.pack_distance import (
     faces_level_part,
     profile_distances,
 )
-from lcmchain.tools.profiles import ARC, CORNER_COLUMNS
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
+from lcmchain.tools.profiles import ARC, BEGIN, CORNER_COLUMNS, DEPTH, END, HEIGHT
 
 #: Of one number each, on x86: arithmetic, square roots, the larger or smaller of two.
 SINGLE = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)sd\s")

@@ -39,7 +39,7 @@ from lcmchain.model import Model
 from lcmchain.solver.simulation import VISCOUS_FABRIC
 from lcmchain.tools.distance import PLANE
 from lcmchain.tools.motion import GUIDED, prescribed_travel
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 # --- computing time per element and step on this machine ------------------------------------------
 

@@ -46,7 +46,7 @@ from lcmchain.check.tools_at_start import (
     require_gaps,
 )
 from lcmchain.draping import Draped, drape, is_drapable
-from lcmchain.draping.joints import joints_of
+from lcmchain.draping.courses import joints_of
 from lcmchain.draping.result import draping_effect, locking_warnings
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError
@@ -181,7 +181,7 @@ def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
     locking = math.degrees(draped.locking_angle)
     part = max(draped.locked_part() - unplaced, 0.0)
     yield f"beyond {locking:.3g} deg", f"{part:.1%} of the area" if part > 1e-12 else "nothing"
-    for joint in joints_of(draped):
+    for joint in joints_of(draped.courses):
         yield f"joint of {joint.below} and {joint.above}", joint.in_words()
     if missing is not None:
         yield "not laid", f"{unplaced:.1%} of the area: {missing}"
@@ -378,8 +378,8 @@ def draw_start(
     A tool whose surface cannot be had is left out. ``grips`` are those of every ply.
     """
     from lcmchain.report import draw_initial, draw_stack
-    from lcmchain.tools.drawing import tool_surface
     from lcmchain.tools.surfaces.surface import ToolWarning
+    from lcmchain.tools.tool import tool_surface
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
     nodes = np.concatenate([blank.node_positions for blank in blanks])

@@ -21,9 +21,9 @@ from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.motion import TurnMotion
 from lcmchain.tools.surfaces.surface import Orientation
+from lcmchain.tools.table import OVERLAP_TOLERANCE
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -26,11 +26,9 @@ from lcmchain.tools.closest_gap import (
     times_of_motion,
 )
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.table import yields
-from lcmchain.tools.turn import lever, turning
+from lcmchain.tools.table import OVERLAP_TOLERANCE, lever, turning, yields
 
 if TYPE_CHECKING:
     from lcmchain.solver.simulation import Snapshot

@@ -21,10 +21,9 @@ from lcmchain.scene import Scene, Tool
 from lcmchain.scene.plies import PlySettings
 from lcmchain.scene.stages import at_work, stack_at
 from lcmchain.tools.distance import gaps as node_gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
-from lcmchain.tools.surfaces.exact_distance import ExactDistance
 from lcmchain.tools.surfaces.surface import Surface, ToolWarning
-from lcmchain.tools.table import ToolTable, in_frame_of
+from lcmchain.tools.surfaces.triangle_distance import ExactDistance
+from lcmchain.tools.table import OVERLAP_TOLERANCE, ToolTable, in_frame_of
 
 # --- smallest gap between a tool and a flat blank -------------------------------------------------
 

@@ -62,9 +62,9 @@ Range = Annotated[
 
 
 def _rows(zero: str | None, without: str | None, ranges: list[str] | None) -> Any:
-    from lcmchain.identification.entering_rows import Wish
+    from lcmchain.identification.entering_rows import RowChoice
 
-    return Wish(zero, without, tuple(ranges or ()))
+    return RowChoice(zero, without, tuple(ranges or ()))
 
 
 def _size(option: str, default: str) -> Any:

@@ -94,8 +94,9 @@ def trim(
     frame: SavedFrame = -1,
 ) -> None:
     """Map a net line on the formed part back to the flat blank: where to trim."""
-    from lcmchain.pattern.flat import read_line, trimming_line, write_line
+    from lcmchain.pattern.flat import trimming_line
     from lcmchain.pattern.formed import FormedSheet
+    from lcmchain.pattern.tables import read_line, write_line
 
     if length_unit is not None:
         length_of("--length-unit", f"1 {length_unit}")
@@ -124,8 +125,8 @@ def flat(
     overrides: Overrides = None,
 ) -> None:
     """Find the flat outline whose formed rim is the net: form, correct, and form again."""
-    from lcmchain.pattern.flat import flat_pattern, read_line, write_line
-    from lcmchain.pattern.rounds import SceneForming
+    from lcmchain.pattern.flat import SceneForming, flat_pattern
+    from lcmchain.pattern.tables import read_line, write_line
     from lcmchain.scene import read_scene
 
     if length_unit is not None:

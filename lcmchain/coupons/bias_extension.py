@@ -15,28 +15,23 @@ from typing import ClassVar
 import numpy as np
 
 from lcmchain.coupons.analytic import BiasExtension
-from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import CouponResult, compared
+from lcmchain.coupons.result import CouponResult, compared, finish, two_panels
 from lcmchain.coupons.specimen import (
     FRAMES,
     Progress,
-    Recording,
-    SteadyPull,
+    PulledStrip,
     clamped_ends,
     effort_of,
     element_centres,
-    force_between_clamps,
     mean_field,
     record,
     require_fabric,
     shear_stress_of,
-    steady_pull,
 )
 from lcmchain.effects.supports import Support, translation
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.quantities.units import LENGTH, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
@@ -50,18 +45,12 @@ COMPARED_AT = 0.03  # displacement up to which the pin-jointed net holds (paper,
 
 
 @dataclass(frozen=True)
-class BiasExtensionTest:
-    """The test as the forming solver runs it, of whatever strip.
-
-    Parameters
-    ----------
-    displacement : of the clamps from each other at the end [m].
-    """
+class BiasExtensionTest(PulledStrip):
+    """The test as the forming solver runs it, of whatever strip."""
 
     displacement: float = 0.06
 
     name: ClassVar[str] = "bias-extension"
-    driven_by: ClassVar[tuple[str, Dimension]] = ("displacement", LENGTH)
 
     @property
     def duration(self) -> float:
@@ -78,10 +67,6 @@ blank = {{ size = ["320 mm", "160 mm"], edge_length = "5 mm", fibre_angle = "45 
 material = {{ preset = "MD600" }}
 """
 
-    def pull(self, scene: Scene) -> SteadyPull:
-        """Return the travel of the clamps from each other over the process of a scene."""
-        return steady_pull(self.displacement, scene)
-
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, each pulled by half the travel."""
         pull, length = self.pull(scene), scene.only_ply("a coupon").blank.extent[0]
@@ -93,10 +78,6 @@ material = {{ preset = "MD600" }}
             return clamped_ends(blank, length, lambda side: translation([side, 0, 0], half))
 
         return clamps
-
-    def force(self, scene: Scene, recording: Recording) -> np.ndarray:
-        """Return the force of the clamps [N], means over every other frame's interval."""
-        return force_between_clamps(recording)
 
 
 def bias_extension(
@@ -177,7 +158,7 @@ def bias_extension(
     )
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Bias-extension test", title) as (left, right):
         u = curves["displacement [mm]"]
         for axis, name in ((left, "force [N]"), (right, "shear angle [deg]")):

@@ -25,8 +25,7 @@ from lcmchain.coupons.analytic import (
     overhang_by_curve,
     strip_stiffness,
 )
-from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish, two_panels
 from lcmchain.coupons.specimen import (
     Progress,
     require_fabric,

@@ -15,15 +15,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from lcmchain.coupons.analytic import power_law_pressure
-from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish, two_panels
 from lcmchain.coupons.specimen import Progress, require_one_temperature, require_solid_shell
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
@@ -77,123 +76,33 @@ def compaction(
         the piece is held although its compaction does not relax.
     """
     require_solid_shell(element)
-    require_one_temperature(material)
-    if not 0.0 <= shear_angle < LARGEST_ANGLE:
-        raise InputError(
-            f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "
-            f"{math.degrees(LARGEST_ANGLE):g} deg",
-            key="shear_angle",
-        )
-    if hold > 0.0 and not material.relaxes:
-        raise InputError(
-            "lets the fabric relax, but its compaction does not; state "
-            "material.viscous.compaction, or leave it out",
-            key="--hold",
-        )
-    thickness = material.thickness
-    fabric = material.build()
+    _require_pressable(material, shear_angle, hold)
+    test = _Test(material.build(), shear_angle, hold)
+    scene = _scene(test, material, element or Element(), pressure, size, edge_length)
+    simulation = Simulation(build_model(scene, _sheared(shear_angle)))
     area = size**2 * math.cos(shear_angle)
 
-    def law(stretch: ArrayLike) -> np.ndarray:
-        if not shear_angle:
-            return fabric.compaction_pressure(stretch)
-        g = math.sin(shear_angle)
-        return fabric.compaction_pressure(stretch, None, g) / math.cos(shear_angle)
-
-    before = SHEARING if shear_angle else 0.0
-    free = thickness
-    if couples_shear(fabric):
-        free *= float(free_stretch(fabric, math.sin(shear_angle)))
-    penalty = pressure / (PENETRATION * thickness)
-    squeezed = free - _thickness_at(law, thickness, pressure, free / thickness)
-    distance = squeezed + 2.0 * PENETRATION * thickness
-    end = before + DURATION
-    motion: dict[str, Any] = {"type": "stroke", "distance": distance, "profile": "smooth"}
-    if before or hold:
-        s = np.linspace(0.0, 1.0, 101)
-        times = [*([0.0] if before else []), *(before + DURATION * s)]
-        travel = [*([0.0] if before else []), *(distance * s**3 * (10.0 - s * (15.0 - 6.0 * s)))]
-        if hold:
-            times, travel = [*times, end + hold], [*travel, distance]
-        motion = {"type": "table", "times": tuple(times), "travel": tuple(travel)}
-    plates = [
-        {"name": "lower", "shape": {"type": "plate", "side": "below"}, "friction": 0.0},
-        {
-            "name": "upper",
-            "shape": {"type": "plate", "side": "above"},
-            "position": (0.0, 0.0, free),
-            "motion": {"direction": (0, 0, -1), **motion},
-            "friction": 0.0,
-        },
-    ]
-    scene = Scene(
-        title=f"Compaction of {material.name} between plates",
-        material=material,
-        element=element or Element(),
-        process={"time": end + hold, "frames": SAMPLES + 1},
-        blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * free},
-        contact={"penalty": penalty},
-        tools=plates,
-    )
-    simulation = Simulation(build_model(scene, _sheared(shear_angle)))
-    state = simulation.state
-    (body,) = simulation.model.bodies
-    rows = []
-    sampled = before + np.linspace(0.0, DURATION, SAMPLES + 1)[1:]
-    if hold:
-        sampled = np.concatenate(
-            [sampled, end + hold * np.linspace(0.0, 1.0, HELD_SAMPLES + 1)[1:]]
-        )
-    for time in sampled:
-        simulation.advance_to(float(time))
-        # forces are those of the last step, whose positions were these
-        position = (state.position - state.last_step * state.velocity).T
-        measured = derive_fields(body.mesh, body.material, position)["thickness"]
-        rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / area))
+    def tell(now: float, end: float) -> None:
         if progress is not None:
-            progress(simulation.time, end + hold, scene.title)
-    t, spread, p = np.array(rows).T
-    expected = law(t / thickness)
+            progress(now, end, scene.title)
+
+    t, spread, p = _pressed(test, simulation, area, tell)
+    expected = test.law(t / material.thickness)
     if material.relaxes:
-        expected = relaxing_pressure(
-            fabric, [before, *sampled], np.array([free, *t]) / thickness, math.sin(shear_angle)
-        )[1:] / math.cos(shear_angle)  # fmt: skip
+        expected = test.relaxing_law(t)
     curves = {
         "thickness [mm]": 1e3 * t,
         "pressure [MPa]": 1e-6 * p,
         "law pressure [MPa]": 1e-6 * expected,
-        **({"time [s]": sampled} if material.relaxes else {}),
+        **({"time [s]": test.times} if material.relaxes else {}),
     }
-    pressed = slice(0, SAMPLES)  # then held
-    at_shear = " and shear" if shear_angle else ""
-    comparisons = [
-        Comparison(  # type: ignore[call-arg]
-            f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, expected[pressed], v[pressed])  # type: ignore[arg-type]
-            for v in (p, expected)), "λ|S33| at the same thickness" + at_shear,
-        )
-        for at in COMPARED_AT
-        if 1e6 * at <= expected[pressed][-1]
-    ]  # fmt: skip
-    comparisons += [
-        Comparison(
-            f"pressure {1e3 * (sampled[k] - end):.4g} ms after the stop", "MPa", 1e-6 * p[k],
-            1e-6 * expected[k], "the law along the thickness over time",
-        )
-        for k in range(SAMPLES, len(sampled))
-    ]  # fmt: skip
+    comparisons = _with_law(test, p, expected)
     measured_law = MEASURED_COMPACTION.get(getattr(material, "preset", None) or material.name)
     if measured_law is not None and not shear_angle and not material.relaxes:
         solid_height = material.areal_mass / material.fibre_density
         experiment = power_law_pressure(t, *measured_law, solid_height)
         curves["measured pressure, Eq. (24) [MPa]"] = 1e-6 * experiment
-        comparisons += [
-            Comparison(  # type: ignore[call-arg]
-                f"pressure at {at:g} MPa", "MPa", *(1e-6 * _at(1e6 * at, experiment, v)  # type: ignore[arg-type]
-                for v in (p, experiment)), "experiment, Eq. (24)",
-            )
-            for at in COMPARED_AT
-            if 1e6 * at <= experiment[-1]
-        ]  # fmt: skip
+        comparisons += _at_pressures(p, experiment, "experiment, Eq. (24)")
     energy = simulation.energy()
     return CouponResult(
         name="compaction",
@@ -208,12 +117,173 @@ def compaction(
         comparisons=tuple(comparisons),
         draw=lambda path: _draw(path, curves, scene.title),
         figures={
-            "steps": state.step_count,
+            "steps": simulation.state.step_count,
             "thickness_spread_max_m": float(spread.max()),
             "kinetic_to_internal_end": energy["kinetic"] / energy["internal"],
             "balance_error_to_internal": energy["balance_error"] / energy["internal"],
         },
     )
+
+
+def _require_pressable(material: FabricMaterial, shear_angle: float, hold: float) -> None:
+    """Refuse what the law as a reference does not know, and a hold without relaxation."""
+    require_one_temperature(material)
+    if not 0.0 <= shear_angle < LARGEST_ANGLE:
+        raise InputError(
+            f"is {math.degrees(shear_angle):.4g} deg; a specimen can be pressed at 0 to "
+            f"{math.degrees(LARGEST_ANGLE):g} deg",
+            key="shear_angle",
+        )
+    if hold > 0.0 and not material.relaxes:
+        raise InputError(
+            "lets the fabric relax, but its compaction does not; state "
+            "material.viscous.compaction, or leave it out",
+            key="--hold",
+        )
+
+
+class _Test(NamedTuple):
+    """A test: shear, press, hold. shear_angle : [rad]. hold : [s]."""
+
+    fabric: Fabric
+    shear_angle: float
+    hold: float
+
+    @property
+    def start(self) -> float:
+        """When the plates begin to close [s]."""
+        return SHEARING if self.shear_angle else 0.0
+
+    @property
+    def stop(self) -> float:
+        """When the plates stand still [s]."""
+        return self.start + DURATION
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the samples [s], those of the hold behind the :data:`SAMPLES` of the closing."""
+        closing = self.start + np.linspace(0.0, DURATION, SAMPLES + 1)[1:]
+        if not self.hold:
+            return closing
+        held = self.stop + self.hold * np.linspace(0.0, 1.0, HELD_SAMPLES + 1)[1:]
+        return np.concatenate([closing, held])
+
+    @property
+    def free(self) -> float:
+        """Thickness of the sheared fabric before it is pressed [m]."""
+        free = self.fabric.thickness
+        if couples_shear(self.fabric):
+            free *= float(free_stretch(self.fabric, math.sin(self.shear_angle)))
+        return free
+
+    def law(self, stretch: ArrayLike) -> np.ndarray:
+        """Return the pressure [Pa] on the present area at stretches t/t0."""
+        if not self.shear_angle:
+            return self.fabric.compaction_pressure(stretch)
+        g = math.sin(self.shear_angle)
+        return self.fabric.compaction_pressure(stretch, None, g) / math.cos(self.shear_angle)
+
+    def relaxing_law(self, thickness: np.ndarray) -> np.ndarray:
+        """Return that of a fabric that relaxes, at the thicknesses [m] of the samples."""
+        stretches = np.array([self.free, *thickness]) / self.fabric.thickness
+        pressure = relaxing_pressure(
+            self.fabric, [self.start, *self.times], stretches, math.sin(self.shear_angle)
+        )
+        return pressure[1:] / math.cos(self.shear_angle)
+
+    def stroke(self, distance: float) -> dict[str, Any]:
+        """Return the motion of the upper plate by a distance [m], as an entry of the scene."""
+        if not self.shear_angle and not self.hold:
+            return {"type": "stroke", "distance": distance, "profile": "smooth"}
+        s = np.linspace(0.0, 1.0, 101)
+        at_rest = [0.0] if self.shear_angle else []
+        times = [*at_rest, *(self.start + DURATION * s)]
+        travel = [*at_rest, *(distance * s**3 * (10.0 - s * (15.0 - 6.0 * s)))]
+        if self.hold:
+            times, travel = [*times, self.stop + self.hold], [*travel, distance]
+        return {"type": "table", "times": tuple(times), "travel": tuple(travel)}
+
+
+def _scene(
+    test: _Test,
+    material: FabricMaterial,
+    element: Element,
+    pressure: float,
+    size: float,
+    edge_length: float,
+) -> Scene:
+    """Return the specimen between two plates without friction."""
+    thickness, free = material.thickness, test.free
+    squeezed = free - _thickness_at(test.law, thickness, pressure, free / thickness)
+    distance = squeezed + 2.0 * PENETRATION * thickness
+    plates = [
+        {"name": "lower", "shape": {"type": "plate", "side": "below"}, "friction": 0.0},
+        {
+            "name": "upper",
+            "shape": {"type": "plate", "side": "above"},
+            "position": (0.0, 0.0, free),
+            "motion": {"direction": (0, 0, -1), **test.stroke(distance)},
+            "friction": 0.0,
+        },
+    ]
+    return Scene(
+        title=f"Compaction of {material.name} between plates",
+        material=material,
+        element=element,
+        process={"time": test.stop + test.hold, "frames": SAMPLES + 1},
+        blank={"size": (size, size), "edge_length": edge_length, "height": 0.5 * free},
+        contact={"penalty": pressure / (PENETRATION * thickness)},
+        tools=plates,
+    )
+
+
+def _pressed(
+    test: _Test, simulation: Simulation, area: float, tell: Callable[[float, float], None]
+) -> np.ndarray:
+    """Return mean thickness [m], its spread [m] and pressure [Pa] at the samples, (3, n).
+
+    tell : called with the times [s] of a sample and of the end.
+    """
+    state = simulation.state
+    (body,) = simulation.model.bodies
+    rows = []
+    for time in test.times:
+        simulation.advance_to(float(time))
+        # forces are those of the last step, whose positions were these
+        position = (state.position - state.last_step * state.velocity).T
+        measured = derive_fields(body.mesh, body.material, position)["thickness"]
+        rows.append((measured.mean(), np.ptp(measured), state.tool_force[1, 2] / area))
+        tell(simulation.time, test.stop + test.hold)
+    return np.array(rows).T
+
+
+def _with_law(test: _Test, p: np.ndarray, expected: np.ndarray) -> list[Comparison]:
+    """Return the pressures [Pa] beside those of the law, while the plates close and behind."""
+    closing = slice(0, SAMPLES)
+    at_shear = " and shear" if test.shear_angle else ""
+    comparisons = _at_pressures(
+        p[closing], expected[closing], "λ|S33| at the same thickness" + at_shear
+    )
+    times = test.times
+    return comparisons + [
+        Comparison(
+            f"pressure {1e3 * (times[k] - test.stop):.4g} ms after the stop", "MPa", 1e-6 * p[k],
+            1e-6 * expected[k], "the law along the thickness over time",
+        )
+        for k in range(SAMPLES, len(times))
+    ]  # fmt: skip
+
+
+def _at_pressures(p: np.ndarray, reference: np.ndarray, origin: str) -> list[Comparison]:
+    """Return the pressure [Pa] where that of a reference has round values."""
+    return [
+        Comparison(
+            f"pressure at {at:g} MPa", "MPa", 1e-6 * _at(1e6 * at, reference, p),
+            1e-6 * _at(1e6 * at, reference, reference), origin,
+        )
+        for at in COMPARED_AT
+        if 1e6 * at <= reference[-1]
+    ]  # fmt: skip
 
 
 def relaxing_pressure(
@@ -270,7 +340,7 @@ def _at(pressure: float, of: np.ndarray, values: np.ndarray) -> float:
     return float(np.exp(place))
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Plate-to-plate compaction", title) as (left, right):
         t = curves["thickness [mm]"]
         for axis in (left, right):

@@ -1,7 +1,7 @@
 """Off-axis tension: a strip whose first fibres lie at 30, 45 or 60 degrees to the pull.
 
 The clamps are oblique: they hold the ends along the pull alone, on the tilted lines on which the
-ends of an evenly stretched strip lie. So that the whole strip is in the state of
+ends of an evenly stretched strip lie. The whole strip is then in the state of
 :mod:`lcmchain.coupons.analytic.off_axis`, whatever its length. Between straight clamps it is not,
 and fibres carry what the clamps do to its ends far into it.
 
@@ -15,34 +15,29 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from lcmchain.coupons.analytic.off_axis import affine_tension, lines_of
-from lcmchain.coupons.plots import finish, two_panels
-from lcmchain.coupons.result import CouponResult, compared
+from lcmchain.coupons.result import CouponResult, compared, finish, two_panels
 from lcmchain.coupons.specimen import (
     FRAMES,
     Progress,
-    Recording,
-    SteadyPull,
+    PulledStrip,
     clamped_ends,
     effort_of,
     element_centres,
-    force_between_clamps,
     mean_field,
     record,
     require_no_friction,
     require_solid_shell,
-    steady_pull,
 )
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.quantities.units import LENGTH, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
 
@@ -55,18 +50,12 @@ STATES = 201
 
 
 @dataclass(frozen=True)
-class OffAxisTest:
-    """The test as the forming solver runs it.
-
-    Parameters
-    ----------
-    displacement : of the clamps from each other at the end [m].
-    """
+class OffAxisTest(PulledStrip):
+    """The test as the forming solver runs it."""
 
     displacement: float = 0.01
 
     name: ClassVar[str] = "off-axis"
-    driven_by: ClassVar[tuple[str, Dimension]] = ("displacement", LENGTH)
 
     @property
     def text(self) -> str:
@@ -77,10 +66,6 @@ process = {{ time = "{DURATION} s", mass_damping = "{MASS_DAMPING} 1/s" }}
 blank = {{ size = ["160 mm", "40 mm"], edge_length = "5 mm", fibre_angle = "45 deg" }}
 material = {{ preset = "MD600" }}
 """
-
-    def pull(self, scene: Scene) -> SteadyPull:
-        """Return the travel of the clamps from each other over the process of a scene."""
-        return steady_pull(self.displacement, scene)
 
     def supports(self, scene: Scene) -> Callable[[BlankMesh], list[Support]]:
         """Return what holds the strip: its short sides, along the pull on a line that tilts."""
@@ -100,10 +85,6 @@ material = {{ preset = "MD600" }}
             return clamped_ends(blank, length, lambda side: tilted, "x")
 
         return clamps
-
-    def force(self, scene: Scene, recording: Recording) -> np.ndarray:
-        """Return the force of the clamps [N], means over every other frame's interval."""
-        return force_between_clamps(recording)
 
 
 def off_axis(
@@ -132,19 +113,7 @@ def off_axis(
         angle, or a strip that locks before the end.
     """
     require_solid_shell(element)
-    require_no_friction(material)
-    if not material.has_fibres:
-        raise InputError(
-            f'is "{material.law}", which has no fibres; off-axis tension needs law = "fabric" '
-            'or "fibre-families"',
-            key="material.law",
-        )
-    if not 0.0 < angle < 0.5 * math.pi:
-        raise InputError(
-            f"is {math.degrees(angle):.4g} deg; off-axis tension is at more than 0 and less than "
-            "90 deg, usually 30, 45 or 60",
-            key="angle",
-        )
+    _require_off_axis(material, angle)
     first, apart = lines_of(material.build())
     test = OffAxisTest(displacement)
     turn = angle - first
@@ -163,7 +132,7 @@ def off_axis(
     pull = test.pull(scene)
     u = np.array([pull.travel(t) for t in recording.time[1::2]])
     states = affine_tension(body.material, turn, 1.0 + u / length)
-    curves: dict[str, Any] = {
+    curves = {
         "displacement [mm]": 1e3 * u,
         "force [N]": test.force(scene, recording),
         "shear angle [deg]": np.degrees(sheared),
@@ -199,7 +168,24 @@ def off_axis(
     )
 
 
-def _draw(path: Path, curves: dict[str, Any], title: str) -> None:
+def _require_off_axis(material: AnyMaterial, angle: float) -> None:
+    """Refuse materials without fibres or with friction in shear, and angles along or across."""
+    require_no_friction(material)
+    if not material.has_fibres:
+        raise InputError(
+            f'is "{material.law}", which has no fibres; off-axis tension needs law = "fabric" '
+            'or "fibre-families"',
+            key="material.law",
+        )
+    if not 0.0 < angle < 0.5 * math.pi:
+        raise InputError(
+            f"is {math.degrees(angle):.4g} deg; off-axis tension is at more than 0 and less than "
+            "90 deg, usually 30, 45 or 60",
+            key="angle",
+        )
+
+
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Off-axis tension", title) as (left, right):
         u = curves["displacement [mm]"]
         for axis, name in ((left, "force [N]"), (right, "shear angle [deg]")):

@@ -17,8 +17,7 @@ from typing import ClassVar
 import numpy as np
 
 from lcmchain.coupons.analytic import PictureFrame
-from lcmchain.coupons.plots import finish, finish_loop, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish, finish_loop, two_panels
 from lcmchain.coupons.specimen import (
     FRAMES,
     Loop,
@@ -161,22 +160,12 @@ def picture_frame(
     InputError : the material is no fabric, or is held although nothing in it relaxes or it goes
         back.
     """
-    require_fabric(material, knows_losses=True)
-    if hold > 0.0 and not material.resists_rates:
-        raise InputError(
-            "lets the fabric relax, but its shear does not depend on its rate; state "
-            "material.viscous, or leave it out",
-            key="--hold",
-        )
-    if cycles and (hold > 0.0 or speed is not None):
-        raise InputError(
-            "go there and back in a second each; leave out --hold and --speed", key="--cycles"
-        )
-    analytic = PictureFrame(side, material.thickness)
+    _require_shearable(material, speed, hold, cycles)
+    net = PictureFrame(side, material.thickness)
     test = PictureFrameTest(shear_angle, hold, cycles)
     duration = DURATION * max(2 * cycles, 1)
     if speed is not None:
-        duration = float(analytic.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
+        duration = float(net.displacement(shear_angle)) / (speed * (1.0 - 0.5 * START))
     scene = Scene(
         title=f"Picture frame of {material.name}, {math.degrees(shear_angle):.3g}°",
         material=material,
@@ -188,46 +177,15 @@ def picture_frame(
         },
         blank={"size": (side, side), "edge_length": edge_length},
     )
-
     simulation, recording = record(scene, test.supports(scene), progress=progress)
-    everywhere = np.ones(simulation.model.element_count, dtype=bool)
-    pull, force = test.pull(scene), test.force(scene, recording)
-    d = np.array([pull.travel(min(t, pull.duration)) for t in recording.time])
-    gamma = analytic.shear_angle(d[1::2])
-    edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
-    # where the frame stands still, of the stress in the fabric
-    still = np.isnan(force)
-    for k in np.flatnonzero(still):
-        stress = _shear_stress(simulation, recording.snapshots[2 * k + 1])
-        edge_force[k] = side * material.thickness * stress
-        force[k] = 2.0 * edge_force[k] * math.cos(0.25 * np.pi - 0.5 * gamma[k])
-    measured, thickness = (
-        mean_field(simulation, recording.snapshots[1::2], field, everywhere)
-        for field in ("shear_angle", "thickness")
-    )
-
     (body,) = simulation.model.bodies
-    free = material.thickness * free_stretch(body.material, np.sin(gamma))
-    shear_stress = shear_stress_of(body.material)
-    if viscous_of(body.material) is not None or shear_friction_of(body.material) is not None:
-        at_rest, path = shear_stress, partial(_angle_at, analytic, pull)
-        of_way = _stress_of_way(body.material, recording.time[1::2], path)
-        shear_stress = lambda angle: at_rest(angle) + of_way  # noqa: E731
-    curves = {
-        "displacement [mm]": 1e3 * d[1::2],
-        "force [N]": force,
-        "shear angle [deg]": np.degrees(measured),
-        "edge shear force [N]": edge_force,
-        "thickness [mm]": 1e3 * thickness,
-        "analytic force [N]": analytic.force(gamma, shear_stress),
-        "analytic shear angle [deg]": np.degrees(gamma),
-        "analytic edge shear force [N]": analytic.edge_shear_force(gamma, shear_stress),
-        "analytic thickness [mm]": 1e3 * free,
-        **({"time [s]": recording.time[1::2]} if material.resists_rates or cycles else {}),
-    }
+    pull, force = test.pull(scene), test.force(scene, recording)
+    still = np.isnan(force)
+    curves = _curves(simulation, recording, net, pull, force)
+    if material.resists_rates or cycles:
+        curves["time [s]"] = recording.time[1::2]
     # the way there, in cycles that of the first one
     there = ~still & (recording.time[1::2] < (duration / (2 * cycles) if cycles else math.inf))
-    angles = curves["analytic shear angle [deg]"][there]
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     energy = recording.energy
     return CouponResult(
@@ -239,30 +197,11 @@ def picture_frame(
             **({"then held": f"{1e3 * hold:g} ms"} if hold > 0.0 else {}),
         },
         curves=curves,
-        comparisons=tuple(
-            Comparison(
-                f"{name} at {angle:g}°",
-                unit,
-                float(np.interp(angle, angles, curves[f"{name} [{unit}]"][there])),
-                float(np.interp(angle, angles, curves[f"analytic {name} [{unit}]"][there])),
-                origin,
-            )
-            for name, unit, origin in COMPARED[0 if couples_shear(body.material) else 1 :]
-            for angle in COMPARED_AT
-            if angle <= angles[-1]
-        )
-        + tuple(
-            Comparison(
-                f"edge shear force {1e3 * (time - duration):.4g} ms after the stop",
-                "N",
-                float(curves["edge shear force [N]"][k]),
-                float(curves["analytic edge shear force [N]"][k]),
-                "L t0 S12",
-            )
-            for k, time in enumerate(recording.time[1::2])
-            if still[k]
-        )
-        + tuple(_of_way_back(curves, cycles)),
+        comparisons=(
+            *_of_way_there(curves, there, couples_shear(body.material)),
+            *_of_hold(curves, np.flatnonzero(still), recording.time[1::2] - duration),
+            *_of_way_back(curves, cycles),
+        ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
         shown="shear_angle",
@@ -272,6 +211,98 @@ def picture_frame(
             "damping_to_external": energy["damping"][-1] / energy["external"][-1],
         },
     )
+
+
+def _require_shearable(
+    material: FabricMaterial, speed: float | None, hold: float, cycles: int
+) -> None:
+    """Refuse what is no fabric, a hold in which nothing relaxes, and cycles that are held."""
+    require_fabric(material, knows_losses=True)
+    if hold > 0.0 and not material.resists_rates:
+        raise InputError(
+            "lets the fabric relax, but its shear does not depend on its rate; state "
+            "material.viscous, or leave it out",
+            key="--hold",
+        )
+    if cycles and (hold > 0.0 or speed is not None):
+        raise InputError(
+            "go there and back in a second each; leave out --hold and --speed", key="--cycles"
+        )
+
+
+def _curves(
+    simulation: Simulation,
+    recording: Recording,
+    net: PictureFrame,
+    pull: SteadyPull | Loop,
+    force: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return what was simulated over the travel, and what pure shear makes of it.
+
+    force : along the diagonal [N]; where the frame stands still, nan, it is that of the stress in
+        the fabric.
+    """
+    (body,) = simulation.model.bodies
+    material = body.material
+    d = np.array([pull.travel(min(t, pull.duration)) for t in recording.time])
+    gamma = net.shear_angle(d[1::2])
+    edge_force = 0.5 * force / np.cos(0.25 * np.pi - 0.5 * gamma)
+    for k in np.flatnonzero(np.isnan(force)):
+        stress = _shear_stress(simulation, recording.snapshots[2 * k + 1])
+        edge_force[k] = net.side * net.thickness * stress
+        force[k] = 2.0 * edge_force[k] * math.cos(0.25 * np.pi - 0.5 * gamma[k])
+    everywhere = np.ones(simulation.model.element_count, dtype=bool)
+    measured, thickness = (
+        mean_field(simulation, recording.snapshots[1::2], field, everywhere)
+        for field in ("shear_angle", "thickness")
+    )
+    free = net.thickness * free_stretch(material, np.sin(gamma))
+    shear_stress = shear_stress_of(material)
+    if viscous_of(material) is not None or shear_friction_of(material) is not None:
+        at_rest, path = shear_stress, partial(_angle_at, net, pull)
+        of_way = _stress_of_way(material, recording.time[1::2], path)
+        shear_stress = lambda angle: at_rest(angle) + of_way  # noqa: E731
+    return {
+        "displacement [mm]": 1e3 * d[1::2],
+        "force [N]": force,
+        "shear angle [deg]": np.degrees(measured),
+        "edge shear force [N]": edge_force,
+        "thickness [mm]": 1e3 * thickness,
+        "analytic force [N]": net.force(gamma, shear_stress),
+        "analytic shear angle [deg]": np.degrees(gamma),
+        "analytic edge shear force [N]": net.edge_shear_force(gamma, shear_stress),
+        "analytic thickness [mm]": 1e3 * free,
+    }
+
+
+def _of_way_there(
+    curves: dict[str, np.ndarray], there: np.ndarray, couples: bool
+) -> Iterator[Comparison]:
+    """Yield force and, of a fabric that couples it with the shear, thickness at round angles.
+
+    there : rows of the way there.
+    """
+    angles = curves["analytic shear angle [deg]"][there]
+    for name, unit, origin in COMPARED[0 if couples else 1 :]:
+        simulated, law = (curves[f"{of}{name} [{unit}]"][there] for of in ("", "analytic "))
+        for angle in COMPARED_AT:
+            if angle <= angles[-1]:
+                yield Comparison(
+                    f"{name} at {angle:g}°", unit, float(np.interp(angle, angles, simulated)),
+                    float(np.interp(angle, angles, law)), origin,
+                )  # fmt: skip
+
+
+def _of_hold(
+    curves: dict[str, np.ndarray], rows: np.ndarray, since: np.ndarray
+) -> Iterator[Comparison]:
+    """Yield the force where the frame stands still. since : time of every row after the stop."""
+    for k in rows:
+        yield Comparison(
+            f"edge shear force {1e3 * since[k]:.4g} ms after the stop", "N",
+            float(curves["edge shear force [N]"][k]),
+            float(curves["analytic edge shear force [N]"][k]), "L t0 S12",
+        )  # fmt: skip
 
 
 def _angle_at(net: PictureFrame, pull: SteadyPull | Loop, time: float) -> float:
@@ -286,22 +317,22 @@ def _stress_of_way(
     steps = np.linspace(0.0, times[-1], PATH_STEPS + 1)[1:]
     strains = np.sin([angle(float(time)) for time in steps])
     viscous, friction = viscous_of(material), shear_friction_of(material)
-    found = np.zeros(times.size)
+    added = np.zeros(times.size)
     if viscous is not None:
         memory, stress = np.zeros(len(viscous.memory)), []
         for g in strains:
             memory = viscous.in_step(g, memory, float(steps[0]))
             stress.append(memory[1])
         # the dashpot is that of the middle of a step
-        found += np.interp(times, steps - 0.5 * steps[0], stress)
+        added += np.interp(times, steps - 0.5 * steps[0], stress)
     if friction is not None:
         elastic = shear_stress_of(material)(np.arcsin(strains))
         memory, stress = np.zeros(len(friction.memory)), []
-        for g, own in zip(strains, elastic, strict=True):
-            before, memory = memory[0], friction.in_step(g, memory, own)
+        for g, elastic_stress in zip(strains, elastic, strict=True):
+            before, memory = memory[0], friction.in_step(g, memory, elastic_stress)
             stress.append(friction.stress_of(before, g, memory[1]))
-        found += np.interp(times, steps, stress)
-    return found
+        added += np.interp(times, steps, stress)
+    return added
 
 
 def _of_way_back(curves: dict[str, np.ndarray], cycles: int) -> Iterator[Comparison]:
@@ -314,17 +345,19 @@ def _of_way_back(curves: dict[str, np.ndarray], cycles: int) -> Iterator[Compari
     name = "edge shear force [N]"
     for angle in COMPARED_AT:
         if angle <= angles[-1]:
-            found, law = (
-                float(np.interp(angle, angles, curves[own][back][::-1]))
-                for own in (name, f"analytic {name}")
+            simulated, law = (
+                float(np.interp(angle, angles, curves[curve][back][::-1]))
+                for curve in (name, f"analytic {name}")
             )
-            yield Comparison(f"edge shear force back at {angle:g}°", "N", found, law, "L t0 S12")
+            yield Comparison(
+                f"edge shear force back at {angle:g}°", "N", simulated, law, "L t0 S12"
+            )
     travel = 1e-3 * curves["displacement [mm]"][cycle]
-    found, law = (
-        float(np.trapezoid(curves[own][cycle], travel))
-        for own in ("force [N]", "analytic force [N]")
+    simulated, law = (
+        float(np.trapezoid(curves[curve][cycle], travel))
+        for curve in ("force [N]", "analytic force [N]")
     )
-    yield Comparison("energy of the last cycle", "J", found, law, "law along the angle")
+    yield Comparison("energy of the last cycle", "J", simulated, law, "law along the angle")
 
 
 def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
@@ -344,7 +377,7 @@ def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
     return float((body.material.stress_and_tangent(strain)[0][:, 3] + of_rate).mean())
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Picture-frame test", title) as (left, right):
         gamma = curves["analytic shear angle [deg]"]
         for axis, name, label in (

@@ -15,12 +15,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lcmchain.coupons.plots import finish_loop, two_panels
-from lcmchain.coupons.result import Comparison, CouponResult
+from lcmchain.coupons.result import Comparison, CouponResult, finish_loop, two_panels
 from lcmchain.coupons.specimen import (
     Loop,
     Progress,
@@ -161,17 +159,17 @@ def moments_along(
     E = np.zeros((len(times), 6))
     E[:, direction] = height * bent
     S = bending_response(material, E, height)[0][:, direction]
-    found = S * material.thickness**3 / (12.0 * height)
-    losses: Any = bending_losses_of(material)
+    elastic = S * material.thickness**3 / (12.0 * height)
+    losses = bending_losses_of(material)
     if losses is None:
-        return found
-    memory, own = np.zeros(len(losses.memory)), [0.0]
+        return elastic
+    memory, lost = np.zeros(len(losses.memory)), [0.0]
     for curvature, size in zip(bent[1:], np.diff(times), strict=True):
         both = np.zeros(2)
         both[direction] = curvature
         memory = losses.in_step(both, memory, size)
-        own.append(losses.moments(memory)[direction])
-    return found + np.array(own)
+        lost.append(losses.moments(memory)[direction])
+    return elastic + np.array(lost)
 
 
 def _comparisons(curves: dict[str, np.ndarray], loop: Loop, curvature: float):
@@ -179,13 +177,13 @@ def _comparisons(curves: dict[str, np.ndarray], loop: Loop, curvature: float):
     bent, time = curves["curvature [1/m]"], curves["time [s]"]
     simulated, law = curves["moment [N]"], curves["analytic moment [N]"]
     for name, piece in (("bent first", 0), ("bent back", len(loop.points) - 3)):
-        own = (time > loop.times[piece]) & (time < loop.times[piece + 1])
-        own = np.flatnonzero(own)[np.argsort(bent[own])]
+        way = (time > loop.times[piece]) & (time < loop.times[piece + 1])
+        rows = np.flatnonzero(way)[np.argsort(bent[way])]
         for place in (0.5 * curvature, 0.9 * curvature):
-            values = [float(np.interp(place, bent[own], m[own])) for m in (simulated, law)]
+            values = [float(np.interp(place, bent[rows], m[rows])) for m in (simulated, law)]
             yield Comparison(f"moment {name} at {place:g} 1/m", "N", values[0], values[1], "law")
-    own = np.flatnonzero(time > loop.times[-3])
-    area = [float(np.trapezoid(m[own], bent[own])) for m in (simulated, law)]
+    rows = np.flatnonzero(time > loop.times[-3])
+    area = [float(np.trapezoid(m[rows], bent[rows])) for m in (simulated, law)]
     yield Comparison("energy of the last loop", "N/m", area[0], area[1], "law")
 
 
@@ -193,7 +191,7 @@ def _last(energy: dict[str, np.ndarray]) -> dict[str, float]:
     return {name: float(values[-1]) for name, values in energy.items()}
 
 
-def _draw(path: Path, curves, title: str) -> None:
+def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:
     with two_panels(path, "Pure bending", title) as (left, right):
         for axis, heading, label in (
             (left, "curvature [1/m]", "curvature [1/m]"),

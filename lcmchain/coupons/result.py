@@ -1,13 +1,15 @@
-"""What a coupon test gives: curves, comparisons with the analytic solution, and its files."""
+"""What a coupon test gives: curves, comparisons with the analytic solution, files and figures."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
+import matplotlib
 import numpy as np
 from rich.table import Table
 
@@ -15,9 +17,11 @@ from lcmchain.atomic import replacing
 from lcmchain.fields import write_forming_netcdf, write_vtu
 from lcmchain.report.pictures import draw_field
 from lcmchain.report.shown import SHOWN
+from lcmchain.report.style import RC, headline, new_figure, save
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,7 @@ class CouponResult:
     draw : draws the curves into the file that it is given.
     datasets : groups of ``forming.nc``, where the coupon has them; ``shown`` names the field that
         is drawn on the deformed specimen.
+    figures : further numbers by name, as written to ``coupon.json``.
     """
 
     name: str
@@ -86,7 +91,7 @@ class CouponResult:
     draw: Callable[[Path], None]
     datasets: Mapping[str, xr.Dataset] | None = None
     shown: str = ""
-    figures: Mapping[str, Any] = field(default_factory=dict)
+    figures: Mapping[str, object] = field(default_factory=dict)
 
     def table(self) -> Table:
         """Return the comparisons as a table for the terminal."""
@@ -140,3 +145,34 @@ def write_coupon(folder: Path, result: CouponResult, remarks: Sequence[str] = ()
                 files.append(folder / f"{shown.name}.png")
                 draw_field(files[-1], result.datasets["/"], shown)
     return files
+
+
+# --- figures --------------------------------------------------------------------------------------
+
+
+@contextmanager
+def two_panels(path: Path, title: str, subtitle: str) -> Iterator[tuple]:
+    """Yield the two axes of a figure that is saved at the end."""
+    with matplotlib.rc_context(RC):
+        figure = new_figure(9.6, 3.9)
+        left = figure.add_axes((0.07, 0.135, 0.40, 0.67))
+        right = figure.add_axes((0.56, 0.135, 0.40, 0.67))
+        yield left, right
+        headline(figure, title, subtitle)
+        save(figure, path)
+
+
+def finish(axis: Axes) -> None:
+    """Grid, open frame, and an ordinate from zero."""
+    finish_loop(axis)
+    axis.set_xlim(left=0.0)
+    axis.set_ylim(bottom=0.0)
+
+
+def finish_loop(axis: Axes) -> None:
+    """Grid and open frame, for curves on both sides of zero."""
+    axis.grid(True, color="#e4e7ea", lw=0.6)
+    axis.set_axisbelow(True)
+    axis.spines["top"].set_visible(False)
+    axis.spines["right"].set_visible(False)
+    axis.tick_params(length=2.5)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from lcmchain.materials.laws import AnyMaterial
 from lcmchain.materials.shear_compaction import free_shear_stress
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
-from lcmchain.scene import Scene
+from lcmchain.quantities.units import LENGTH, Dimension
+from lcmchain.scene import Element, Scene
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 #: Frames that the shear tests keep: forces are means between every other one of them, so that each
@@ -76,11 +78,6 @@ class Loop(NamedTuple):
         return self.points[k] + (self.points[k + 1] - self.points[k]) * 0.5 * (
             1.0 - float(np.cos(np.pi * s))
         )
-
-
-def steady_pull(distance: float, scene: Scene) -> SteadyPull:
-    """Return a travel [m] over the process of a scene, of which a fifth is its smooth start."""
-    return SteadyPull(distance, scene.process.time, 0.2 * scene.process.time)
 
 
 class Recording(NamedTuple):
@@ -161,7 +158,7 @@ def require_one_temperature(material: AnyMaterial) -> None:
         )
 
 
-def require_solid_shell(element: Any) -> None:
+def require_solid_shell(element: Element | None) -> None:
     """Refuse elements without a thickness direction, which only the explicit solver knows.
 
     Raises
@@ -204,6 +201,32 @@ def record(
     return simulation, Recording(snapshots, np.array(impulse), np.array(work), seconds)
 
 
+@dataclass(frozen=True)
+class PulledStrip:
+    """A test in which clamps at both ends of a strip are pulled from each other.
+
+    Parameters
+    ----------
+    displacement : of the clamps from each other at the end [m].
+    """
+
+    displacement: float
+
+    driven_by: ClassVar[tuple[str, Dimension]] = ("displacement", LENGTH)
+
+    def pull(self, scene: Scene) -> SteadyPull:
+        """Return the travel of the clamps from each other over the process of a scene.
+
+        A fifth of the process is its smooth start.
+        """
+        return SteadyPull(self.displacement, scene.process.time, 0.2 * scene.process.time)
+
+    def force(self, scene: Scene, recording: Recording) -> np.ndarray:
+        """Return the force of the clamps along x [N], means over every other frame's interval."""
+        time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
+        return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
+
+
 def clamped_ends(
     blank: BlankMesh,
     length: float,
@@ -221,12 +244,6 @@ def clamped_ends(
         )
         for name, side in (("left clamp", -1.0), ("right clamp", 1.0))
     ]  # fmt: skip
-
-
-def force_between_clamps(recording: Recording) -> np.ndarray:
-    """Return the force with which two clamps pull along x [N], by every other frame's interval."""
-    time, impulse = recording.time[::2], recording.impulse[::2, :, 0]
-    return np.diff(0.5 * (impulse[:, 1] - impulse[:, 0])) / np.diff(time)
 
 
 def mean_field(
@@ -260,5 +277,4 @@ def element_centres(blank: BlankMesh) -> np.ndarray:
 
 def shear_stress_of(material: Material) -> Callable[[np.ndarray], np.ndarray]:
     """Return S12(γ) [Pa] of pure shear for a material law, of a sheet that nothing presses."""
-
     return partial(free_shear_stress, material)

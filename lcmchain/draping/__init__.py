@@ -1,4 +1,10 @@
-"""Kinematic draping: a pin-jointed net of inextensible fibres laid onto the surface of a tool."""
+"""Kinematic draping: a pin-jointed net of inextensible fibres laid onto the surface of a tool.
+
+    scene ─▶ surface ─▶ start ─▶ laid (net.py lays it) ─────────┬─▶ drape: Draped ─▶ result
+            (level)     (seed)    └▶ courses: strips and joints ┘                    (datasets)
+
+Files are named after these steps.
+"""
 
 import lazy_loader
 

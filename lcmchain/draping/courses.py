@@ -1,24 +1,30 @@
-"""Courses: a ply that is laid in strips side by side, each with a net of its own.
+"""Courses: a ply that is laid in strips side by side, each with a net of its own, and their joints.
 
 A strip lies in the flat blank between two lines along fibre 1. Where its course begins follows from
 the start of the whole ply: from there a geodesic runs as far and in the direction in which the seed
 of the course lies in the flat blank, and fibre 1 keeps its angle to it. On a plane and on a
 developable surface strips then lie as they do in the flat blank; on a doubly curved one they do so
 at their start alone, and gaps open or overlaps grow along the joints.
+
+Gaps and overlaps: at every node of the upper edge of a course the nearest point of the next one's
+lower edge is looked for, a line through its nodes. The distance is a gap where that point lies
+outside of the course, and an overlap, negative, where it lies inside. Between nodes the edges are
+chords: over a curved edge of radius R they lie up to h²/8R off, for the edge length h.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from lcmchain.draping.laid import LaidNet, lay
 from lcmchain.draping.net import ACCURACY, PLACED, UNREACHED, lay_start_line, unit_normal
-from lcmchain.draping.start import NetStart, nearest_place, tangent_frame
-from lcmchain.draping.steered import SteeredLine
+from lcmchain.draping.start import NetStart, SteeredLine, nearest_place, tangent_frame
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
@@ -66,9 +72,9 @@ def lay_courses(scene: Scene, surface: DrapedSurface, begin: NetStart) -> tuple[
         key = f"draping.courses[{number}]"
         outline = np.array(part.exterior.coords[:-1])
         blank = _mesh_of(ply, outline, f"{key}.strip")
-        own = _start_of(scene, surface, begin, course, blank, part, key)
+        start = _start_of(scene, surface, begin, course, blank, part, key)
         edge_length = ply.blank.edge_length
-        nets.append(lay(surface, blank, own, edge_length, course.name, course.strip, outline))
+        nets.append(lay(surface, blank, start, edge_length, course.name, course.strip, outline))
     return tuple(nets)
 
 
@@ -98,9 +104,9 @@ def _part_of(ply: PlySettings, course: Course, key: str) -> shapely.Polygon:
 
 def _mesh_of(ply: PlySettings, outline: np.ndarray, key: str) -> BlankMesh:
     """Mesh the part of the ply inside an outline (n, 2) [m]."""
-    own = replace(ply, blank=ply.blank.with_outline(outline - np.array(ply.center)))
+    strip = replace(ply, blank=ply.blank.with_outline(outline - np.array(ply.center)))
     try:
-        return own.build_blank()
+        return strip.build_blank()
     except InputError as error:
         raise InputError(f"cannot be meshed: {error.message}", key=key) from None
 
@@ -181,3 +187,131 @@ def _carried(
     cosine = begin.direction_1 @ direction
     sine = np.cross(direction, begin.direction_1) @ first
     return end, cosine * onward + sine * np.cross(last, onward)
+
+
+# --- joints ---------------------------------------------------------------------------------------
+
+
+#: Parts of the bars' length: nodes nearer to the edge of a strip lie on it.
+ON_EDGE = 1e-6
+#: Places of the nearest point beyond an end of the other edge, in parts of its last piece.
+BEYOND = 1e-6
+
+
+@dataclass(frozen=True)
+class Joint:
+    """The joint between two courses, node by node along the upper edge of the first.
+
+    below, above : names of the courses. nominal : gap in the flat blank [m], negative where the
+        strips overlap.
+    nodes : numbers of the nodes in the mesh of all courses (n,).
+    along : coordinate of the nodes along fibre 1 in the flat blank, from the seed of the first
+        course [m] (n,). places : of the nodes [m] (n, 3).
+    gap : to the edge of the other course [m] (n,), negative for an overlap; nan beyond its ends.
+    """
+
+    below: str
+    above: str
+    nominal: float
+    nodes: np.ndarray
+    along: np.ndarray
+    places: np.ndarray
+    gap: np.ndarray
+
+    @property
+    def extremes(self) -> tuple[float, float] | None:
+        """Least and largest gap [m]; None where the edges are not beside each other."""
+        known = self.gap[np.isfinite(self.gap)]
+        return (float(known.min()), float(known.max())) if known.size else None
+
+    def in_words(self) -> str:
+        """Say how wide the joint is."""
+        if self.extremes is None:
+            return "the edges are not beside each other"
+        flat = f"; {_from_to(self.nominal, self.nominal)} in the flat blank"
+        return _from_to(*self.extremes) + flat
+
+
+def _from_to(least: float, most: float) -> str:
+    """Say gaps [m] in words, in mm; negative ones are overlaps."""
+    low, high = round(1e3 * least, 2) + 0.0, round(1e3 * most, 2) + 0.0
+    if low == high == 0.0:
+        return "butt joint"
+    if low < 0.0 < high:
+        return f"overlap up to {-low:.2f} mm and gap up to {high:.2f} mm"
+    what, first, last = ("gap", low, high) if high > 0.0 else ("overlap", -high, -low)
+    first, last = sorted((first + 0.0, last + 0.0))
+    if first == 0.0:
+        return f"{what} up to {last:.2f} mm"
+    if first == last:
+        return f"{what} of {first:.2f} mm"
+    return f"{what} of {first:.2f} to {last:.2f} mm"
+
+
+def joints_of(courses: Sequence[LaidNet]) -> list[Joint]:
+    """Return the joints between neighbouring courses of a ply, of which there may be none."""
+    first = np.cumsum([0, *(net.mesh.node_count for net in courses)])
+    return [
+        _joint(below, above, int(number))
+        for (below, above), number in zip(pairwise(courses), first, strict=False)
+    ]
+
+
+def _joint(below: LaidNet, above: LaidNet, first: int) -> Joint:
+    """Return a joint; first : number of the first node of the lower course."""
+    assert below.strip is not None and above.strip is not None
+    upper, lower = _edge(below, below.strip[1]), _edge(above, above.strip[0])
+    places = below.positions[upper]
+    inside = _middles(below)[upper]
+    gap = _signed_distance(places, inside, above.positions[lower])
+    return Joint(
+        below.name,
+        above.name,
+        above.strip[0] - below.strip[1],
+        first + upper,
+        below.coordinates[upper, 0],
+        places,
+        gap,
+    )
+
+
+def _edge(net: LaidNet, at: float) -> np.ndarray:
+    """Return the nodes on an edge of a strip, by growing coordinate along fibre 1."""
+    across = net.mesh.fibre_direction_2[0]
+    heights = net.mesh.node_positions @ across
+    length = min(float(bars.min()) for bars in net.net_lengths)
+    on_edge = np.flatnonzero(np.abs(heights - at) < ON_EDGE * length)
+    return on_edge[np.argsort(net.coordinates[on_edge, 0])]
+
+
+def _middles(net: LaidNet) -> np.ndarray:
+    """Return the mean of the middles of the faces around each node [m] (node_count, 3)."""
+    faces = net.mesh.elements
+    middles = net.positions[faces].mean(axis=1)
+    total, count = np.zeros_like(net.positions), np.zeros(net.mesh.node_count)
+    for corner in range(4):
+        np.add.at(total, faces[:, corner], middles)
+        np.add.at(count, faces[:, corner], 1.0)
+    return total / count[:, None]
+
+
+def _signed_distance(places: np.ndarray, inside: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return distances of places (n, 3) from a line (m, 3) [m], negative where it is inside.
+
+    inside : points of the course beside the places (n, 3).
+    """
+    gap = np.full(len(places), np.nan)
+    if len(line) < 2:
+        return gap
+    start, way = line[:-1], np.diff(line, axis=0)
+    share = ((places[:, None] - start) * way).sum(-1) / (way * way).sum(-1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    distance = np.linalg.norm(places[:, None] - nearest, axis=-1)
+    distance = np.where(np.isnan(distance), np.inf, distance)
+    rows, best = np.arange(len(places)), np.argmin(distance, axis=1)
+    before_it = (best == 0) & (share[rows, best] < -BEYOND)
+    behind_it = (best == len(way) - 1) & (share[rows, best] > 1.0 + BEYOND)
+    known = np.isfinite(distance[rows, best]) & ~before_it & ~behind_it
+    outward = ((nearest[rows, best] - places) * (places - inside)).sum(-1)
+    gap[known] = (np.sign(outward) * distance[rows, best])[known]
+    return gap

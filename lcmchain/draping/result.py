@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lcmchain.draping.courses import joints_of
 from lcmchain.draping.drape import Draped
-from lcmchain.draping.joints import joints_of
 from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
@@ -17,7 +17,7 @@ from lcmchain.fields.sheet import COURSE, JOINT_GAP
 from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
 from lcmchain.scene import Scene
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -71,7 +71,7 @@ def _with_courses(sheet: xr.Dataset, draped: Draped) -> xr.Dataset:
     """Add the number of the course to every face, and the gap of the joints to their nodes."""
     flags = np.arange(len(draped.courses), dtype=np.int32)
     gap = np.full((2, draped.mesh.node_count), np.nan)
-    for joint in joints_of(draped):
+    for joint in joints_of(draped.courses):
         gap[0, joint.nodes], gap[1, joint.nodes] = joint.nominal, joint.gap
     course = SHEET_MESH.on_cells(
         np.tile(draped.course_of_face.astype(np.int32), (2, 1)),
@@ -136,7 +136,7 @@ def draped_in_numbers(scene: Scene, draped: Draped) -> dict[str, Any]:
                 "gap_min_m": None if joint.extremes is None else joint.extremes[0],
                 "gap_max_m": None if joint.extremes is None else joint.extremes[1],
             }
-            for joint in joints_of(draped)
+            for joint in joints_of(draped.courses)
         ]
     return found
 

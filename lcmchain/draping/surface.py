@@ -25,8 +25,7 @@ from lcmchain.scene import Scene
 from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.table import ToolTable, yields
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import ToolTable, turning, yields
 
 #: Who asks for the one sheet of a scene.
 ASKER = "kinematic draping"

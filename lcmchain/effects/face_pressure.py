@@ -38,8 +38,8 @@ from lcmchain.jit import equation, kernel, uncounted_routine
 from lcmchain.mesh.places import Where
 from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
-from lcmchain.tools.motion.smooth_step import smooth_step
-from lcmchain.tools.motion.table import tabulated_travel
+from lcmchain.tools.motion.base import smooth_step
+from lcmchain.tools.motion.prescribed import tabulated_travel
 
 # Straight pieces of a pressure that comes on smoothly: they leave 0.02 % of it.
 RAMP_PIECES = 64

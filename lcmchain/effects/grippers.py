@@ -57,7 +57,7 @@ from lcmchain.tools.motion import (
     TableMotion,
     TurnMotion,
 )
-from lcmchain.tools.motion.travel import travel_along
+from lcmchain.tools.motion.prescribed import travel_along
 
 #: Time over which the force at the start comes on, relative to the process.
 RAMP_PART = 0.05

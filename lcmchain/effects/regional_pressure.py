@@ -32,7 +32,7 @@ from lcmchain.elements.pressed_elements import (
 from lcmchain.errors import InputError
 from lcmchain.jit import kernel, routine
 from lcmchain.mesh.places import area_shares
-from lcmchain.tools.motion.table import tabulated_travel
+from lcmchain.tools.motion.prescribed import tabulated_travel
 
 SIDES = ("bottom", "top")
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from lcmchain.effects.effect import Effect, Switch, refused
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 SWITCH = Switch(
     entry="tools.motion",

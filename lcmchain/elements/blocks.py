@@ -1,7 +1,9 @@
-"""Layout of elements in blocks of 16 lanes, in flat arrays ``[(block * rows + row) * 16 + lane]``.
+"""Elements in blocks of 16 lanes, and nodes in spans of 16.
 
-One loop over the lanes of a block around straight-line code is what the compiler turns into packed
-instructions.
+The constants of elements lie in flat arrays ``[(block * rows + row) * 16 + lane]``, what is worked
+out for a span of neighbouring nodes in rows of one scratch array. One loop of one length over the
+lanes of such rows is what the compiler turns into packed instructions, without asking which arrays
+may overlap.
 
 Elements and nodes are mostly numbered along the rows of a mesh. What 16 neighbours read by indices
 then lies in one run of memory, or in two, where a row ends or a block. Both are loaded whole, and
@@ -159,3 +161,27 @@ def vector_of_lanes(values, step, indices, place, runs, k, half):
         load_indexed(values, step, indices, at),
         load_indexed(values, 2 * step, indices, at),
     )
+
+
+#: Nodes of a span, as many as a block has lanes.
+SPAN = LANES
+#: Spans of a chunk of nodes, the work that one thread does at a time; chunks are numbered body by
+#: body, and the last one of a body may be shorter.
+SPANS_OF_CHUNK = 8
+NODE_CHUNK = SPANS_OF_CHUNK * SPAN
+#: Packs of nodes in a chunk.
+PACKS_OF_CHUNK = NODE_CHUNK // PACK
+
+
+@equation
+def vector_at(work, row, i):
+    """Return three rows at a node."""
+    return (work[row * SPAN + i], work[(row + 1) * SPAN + i], work[(row + 2) * SPAN + i])
+
+
+@equation
+def put_vector(work, row, i, a):
+    """Write a vector to three rows at a node."""
+    work[row * SPAN + i] = a[0]
+    work[(row + 1) * SPAN + i] = a[1]
+    work[(row + 2) * SPAN + i] = a[2]

@@ -41,7 +41,7 @@ from lcmchain.materials.law import (
 )
 from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.scene.stages import plies_there
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 if TYPE_CHECKING:
     import xarray as xr

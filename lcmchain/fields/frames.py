@@ -13,7 +13,7 @@ import numpy as np
 
 from lcmchain.solver.histories import let_go_times
 from lcmchain.state import SAMPLE_COLUMNS, SAMPLED_ENERGIES, SAMPLES, TOOL_SAMPLE_COLUMNS
-from lcmchain.tools.turn import turning
+from lcmchain.tools.table import turning
 
 if TYPE_CHECKING:
     from lcmchain.model import Model

@@ -16,8 +16,7 @@ from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
 from lcmchain.fields.stack import PLY, plies_of
 from lcmchain.fields.table import BETWEEN_PLIES, FIELDS
-from lcmchain.mesh_files.meshio_names import is_known_to_vtk
-from lcmchain.mesh_files.shapes import base_type, corner_count
+from lcmchain.mesh_files.shapes import base_type, corner_count, is_known_to_vtk
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,14 +6,13 @@ of the weight beyond each place is known from its shape, and the curvature from 
 linear curvature through its points
 (:func:`lcmchain.identification.cantilever_tests.stiffness_along_strip`). A strip that hangs far
 runs through all curvatures from its tip to its clamp. From these points a curve is brought, by
-least squares, to give the measured shapes (:mod:`lcmchain.coupons.analytic.bending_curve`).
+least squares, to give the measured shapes (:mod:`lcmchain.coupons.analytic.strip_bending`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -31,10 +30,10 @@ from lcmchain.errors import InputError
 from lcmchain.identification.cantilever_tests import (
     ALONG_FIBRE,
     Cantilever,
-    Strips,
+    StripsByFibre,
     cantilever_tests,
+    distance_below,
     length_of_line,
-    signed_distance,
     strips_of,
 )
 from lcmchain.identification.data import CouponData
@@ -197,7 +196,7 @@ def _bending_constants(
     )
 
 
-def _lacks_of_fit(tests: Cantilever, strips: Strips, fit: Fit) -> dict[str, LackOfFit]:
+def _lacks_of_fit(tests: Cantilever, strips: StripsByFibre, fit: Fit) -> dict[str, LackOfFit]:
     """Return how the tests deviate over the orientation and, where it was chosen, the length."""
     one = np.zeros(len(tests.overhang), dtype=int)
 
@@ -257,7 +256,7 @@ def _objections(tests: Cantilever, lacks: dict[str, LackOfFit]) -> tuple[tuple[s
 
 
 def _shown_stiffness(
-    tests: Cantilever, strips: Strips, per_stiffness: float, fit: Fit, off_axis: str
+    tests: Cantilever, strips: StripsByFibre, per_stiffness: float, fit: Fit, off_axis: str
 ) -> dict[str, tuple[float, float]]:
     """Least and largest C11, C22, C12 [Pa] that deflection curves show; nan where one fits."""
     unknown = (np.nan, np.nan)
@@ -295,7 +294,7 @@ def _fmax(a: float, b: float) -> float:
 
 
 def _first_estimate(
-    stiffness: np.ndarray, tests: Cantilever, strips: Strips, off_axis: str, file
+    stiffness: np.ndarray, tests: Cantilever, strips: StripsByFibre, off_axis: str, file
 ) -> tuple[dict[str, float], list[str]]:
     """Return the entries of C^B [Pa] from mean stiffnesses, and what they rest on in words."""
     C11, C22 = stiffness[strips.along_1].mean(), stiffness[strips.along_2].mean()
@@ -426,15 +425,17 @@ CLOSE_SHAPE = 0.01
 def identify_bending_curve(
     data: CouponData,
     *,
+    thickness: float,
     areal_weight: float,
     angle: float = CANTILEVER_ANGLE,
+    off_axis: str = "free-strip",
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify curves of both fibre directions beside constants of the whole strips.
 
-    Parameters are those of :func:`identify_bending`; ``data`` must
-    be deflection curves. That one stiffness does not describe them is no objection to a curve.
+    Parameters are those of :func:`identify_bending`; ``data`` must be deflection curves. That one
+    stiffness does not describe them is no objection to a curve.
 
     Raises
     ------
@@ -448,15 +449,18 @@ def identify_bending_curve(
             "has no deflection curves, from which a curve is found; give columns x and y",
             file=data.file,
         )
-    constants = _bending_constants(tests, data.file, areal_weight=areal_weight, **rest)
+    constants = _bending_constants(
+        tests, data.file, thickness=thickness, areal_weight=areal_weight, off_axis=off_axis,
+        inputs=inputs,
+    )  # fmt: skip
     entries = dict(constants.scene_entries)
     objections: list[str] = []
     panels = list(constants.panels)
     for number, direction in ((1, 0.0), (2, 0.5 * math.pi)):
-        own = np.flatnonzero(np.abs(tests.orientation - direction) < ALONG_FIBRE)
-        points = _points(tests, own, data.file)
-        curve = _curve(tests, own, points, areal_weight)
-        objections += _misses(tests, own, curve, areal_weight)
+        strips = np.flatnonzero(np.abs(tests.orientation - direction) < ALONG_FIBRE)
+        points = _points(tests, strips, data.file)
+        curve = _curve(tests, strips, points, areal_weight)
+        objections += _misses(tests, strips, curve, areal_weight)
         entries[f"curve_{number}"] = _entry(curve)
         panels.append(_panel(number, points, curve))
     result = replace(
@@ -501,9 +505,9 @@ def _curve(tests: Cantilever, strips: np.ndarray, points: np.ndarray, weight: fl
         curve, found = curve_of(theta), []
         for line, length, tip in zip(measured, lengths, theta[SHARES.size :], strict=True):
             shape = curve_elastica_with_tip_slope(curve, weight, tip)
-            own = (shape.load_parameter * curve.start_slope / weight) ** (1.0 / 3.0)
-            away = signed_distance(line, own * np.stack([shape.x, shape.y]))
-            found.append(np.append(away, own - length) / length)
+            hanging = (shape.load_parameter * curve.start_slope / weight) ** (1.0 / 3.0)
+            away = distance_below(line, hanging * np.stack([shape.x, shape.y]))
+            found.append(np.append(away, hanging - length) / length)
         return np.concatenate(found)
 
     low = np.concatenate([[-np.inf], np.zeros(SHARES.size - 1), np.full(len(tips), 1e-3)])
@@ -528,7 +532,7 @@ def _misses(tests: Cantilever, strips: np.ndarray, curve: MomentCurve, weight: f
         x, y = tests.curves[strip][:2]
         length = length_of_line(x, y)
         shape = curve_elastica(curve, weight, length)
-        away = signed_distance(np.stack([x, y]), length * np.stack([shape.x, shape.y]))
+        away = distance_below(np.stack([x, y]), length * np.stack([shape.x, shape.y]))
         off = float(np.abs(away).max()) / length
         if off > CLOSE_SHAPE:
             found.append(
@@ -546,7 +550,7 @@ def _entry(curve: MomentCurve) -> str:
 
 def _panel(number: int, points: np.ndarray, curve: MomentCurve) -> Panel:
     k, M = (np.append(0.0, part) for part in curve)
-    measured: Any = Points(points[0], points[1], "along the strips")
+    measured = Points(points[0], points[1], "along the strips")
     return Panel(
         f"curvature along fibre {number} [1/m]", "moment per width [N]", (measured,),
         (Band(k, M, f"curve_{number}"),),

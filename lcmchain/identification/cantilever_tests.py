@@ -81,10 +81,12 @@ def stiffness_along_strip(
     measured = _PiecewiseCurvature(x, y, count)
     along = np.cumsum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0)))
     step = np.hypot(*np.diff(curve, axis=1))
-    own = np.append(0.0, np.cumsum(step)) / np.sum(step)
+    share_of_curve = np.append(0.0, np.cumsum(step)) / np.sum(step)
     share = along / along[-1]
     ideal = _PiecewiseCurvature(
-        np.interp(share, own, curve[0]), np.interp(share, own, curve[1]), count
+        np.interp(share, share_of_curve, curve[0]),
+        np.interp(share, share_of_curve, curve[1]),
+        count,
     )
     ratio = (measured.moment / measured.curvature) / (ideal.moment / ideal.curvature)
     error = measured.error / np.maximum(np.abs(measured.curvature), 1e-300)
@@ -125,7 +127,7 @@ class _PiecewiseCurvature:
             curve, slope = shape(theta)
             end = np.array([np.cos(slope[-1]), np.sin(slope[-1])])
             beyond = end @ (np.array([x[-1], y[-1]]) - curve[:, -1])
-            return np.append(signed_distance(np.stack([x, y]), curve), beyond) / scale
+            return np.append(distance_below(np.stack([x, y]), curve), beyond) / scale
 
         turn = min(2.0 * math.atan2(y[-1], x[-1]), 1.5)
         start = np.append(np.full(count, turn), 1.0)
@@ -172,7 +174,7 @@ def fit_deflection_curve(
 
     def residuals(theta):
         solved, curve = shape(theta)
-        distance = signed_distance(np.stack([x, y]), curve)
+        distance = distance_below(np.stack([x, y]), curve)
         along = np.array([np.cos(solved.slope[-1]), np.sin(solved.slope[-1])])
         return np.append(distance, along @ (np.array([x[-1], y[-1]]) - curve[:, -1])) / scale
 
@@ -202,7 +204,7 @@ def length_of_line(x: np.ndarray, y: np.ndarray) -> float:
     return float(np.sum(np.hypot(np.diff(x, prepend=0.0), np.diff(y, prepend=0.0))))
 
 
-def signed_distance(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
+def distance_below(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     """Distance of points from a polyline, positive below it; shapes [2, n] and [2, m]."""
     start, step = curve[:, :-1], np.diff(curve, axis=1)
     to_point = points[:, :, None] - start[:, None, :]
@@ -306,7 +308,7 @@ def _require_positive(data: CouponData, column: str) -> None:
         raise data.wrong(column, wrong[0], "must be positive")
 
 
-class Strips(NamedTuple):
+class StripsByFibre(NamedTuple):
     """Which tests are of strips along a fibre; masks (test_count,)."""
 
     along_1: np.ndarray
@@ -318,7 +320,7 @@ class Strips(NamedTuple):
         return ~(self.along_1 | self.along_2)
 
 
-def strips_of(tests: Cantilever, file: str) -> Strips:
+def strips_of(tests: Cantilever, file: str) -> StripsByFibre:
     """Sort the tests by their strips; InputError without a strip along either fibre."""
     along_1 = tests.orientation <= ALONG_FIBRE
     along_2 = tests.orientation >= 0.5 * np.pi - ALONG_FIBRE
@@ -330,4 +332,4 @@ def strips_of(tests: Cantilever, file: str) -> Strips:
                 file=file,
             )
     orientation = np.where(along_1, 0.0, np.where(along_2, 0.5 * np.pi, tests.orientation))
-    return Strips(along_1, along_2, orientation)
+    return StripsByFibre(along_1, along_2, orientation)

@@ -1,10 +1,11 @@
 """Compaction of a fabric from plate-to-plate tests: at rest, Eq. (23) and (24), and what relaxes.
 
-Tests that only close tell the compaction law, Eq. (23), beside the power law, Eq. (24). Tests that
-hold their gap in the end tell what relaxes too. All rows of all tests are then fitted together: the
-law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
-along the thickness as it was measured over time. So the closing may be slow beside what relaxes. Of
-one, two or three elements the fewest are taken that leave as little as one more would.
+Tests that only close tell the compaction law, Eq. (23), and the power law, Eq. (24). Tests that
+hold their gap in the end tell the relaxation too. All rows of all tests are then fitted together:
+the law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
+along the thickness as it was measured over time. The closing may therefore be slow against the
+relaxation. The fit has the fewest of one, two or three elements that leave as little scatter as one
+more would.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -90,29 +90,7 @@ def identify_compaction(
         few rows below t0.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    warnings = []
-    wrong = np.flatnonzero(data["thickness"] <= 0.0)
-    if len(wrong):
-        raise data.wrong("thickness", wrong[0], "must be positive")
-    if data["pressure"].max() <= 0.0:
-        raise InputError("the pressure is nowhere positive", file=data.file)
-    pulled = np.flatnonzero(data["pressure"] < -LARGEST_PULL * data["pressure"].max())
-    if len(pulled):
-        raise data.wrong("pressure", pulled[0], "is negative; remove or correct it")
-    loaded = data["thickness"] < thickness
-    if not loaded.all():
-        warnings.append(
-            f"{np.count_nonzero(~loaded)} rows at or above the thickness t0 = "
-            f"{thickness * 1e3:g} mm do not enter the law, which carries no pressure there"
-        )
-    below = data.keep(loaded)
-    if len(below.lines) < MINIMUM_ROWS:
-        raise InputError(
-            f"only {len(below.lines)} rows lie below the initial thickness "
-            f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
-            "the unit",
-            file=data.file,
-        )
+    below, warnings = _loaded_rows(data, thickness)
     pressure = below["pressure"]
     fit = _fit_law(below, thickness, noise_floor)
     judgement = _judge(below, fit, thickness, noise_floor)
@@ -160,6 +138,39 @@ def identify_compaction(
         holds=judgement.holds,
     )
     return accepted(result, data.file, accept)
+
+
+def _loaded_rows(data: CouponData, thickness: float) -> tuple[CouponData, list[str]]:
+    """Return the rows below the thickness t0 [m], and what is said of the others.
+
+    Raises
+    ------
+    InputError : no pressure, a thickness that is not positive, a pressure far below zero, or too
+        few rows.
+    """
+    wrong = np.flatnonzero(data["thickness"] <= 0.0)
+    if len(wrong):
+        raise data.wrong("thickness", wrong[0], "must be positive")
+    if data["pressure"].max() <= 0.0:
+        raise InputError("the pressure is nowhere positive", file=data.file)
+    pulled = np.flatnonzero(data["pressure"] < -LARGEST_PULL * data["pressure"].max())
+    if len(pulled):
+        raise data.wrong("pressure", pulled[0], "is negative; remove or correct it")
+    loaded = data["thickness"] < thickness
+    below = data.keep(loaded)
+    if len(below.lines) < MINIMUM_ROWS:
+        raise InputError(
+            f"only {len(below.lines)} rows lie below the initial thickness "
+            f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
+            "the unit",
+            file=data.file,
+        )
+    if loaded.all():
+        return below, []
+    return below, [
+        f"{np.count_nonzero(~loaded)} rows at or above the thickness t0 = "
+        f"{thickness * 1e3:g} mm do not enter the law, which carries no pressure there"
+    ]
 
 
 def with_thickness(data: CouponData, solid_height: float) -> CouponData:
@@ -357,8 +368,8 @@ def held_rows(data: CouponData) -> np.ndarray:
         return held
     for number in np.unique(data.specimen):
         rows = np.flatnonzero(data.specimen == number)
-        own = data["thickness"][rows]
-        still = own <= own.min() * (1.0 + HELD)
+        thickness = data["thickness"][rows]
+        still = thickness <= thickness.min() * (1.0 + HELD)
         first = len(rows) - int(np.argmin(still[::-1])) if not still.all() else len(rows)
         held[rows[first:]] = len(rows) - first >= _ROWS_OF_A_HOLD
     return held
@@ -368,14 +379,15 @@ def identify_relaxing_compaction(
     data: CouponData,
     *,
     thickness: float,
+    solid_height: float,
     noise_floor: float = 0.001,
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify c0, c1, c2 of the law at rest, and shares and times of what relaxes.
 
-    Parameters are those of :func:`identify_compaction`; the
-    data have a time [s], and hold their thickness in the end (:func:`held_rows`).
+    Parameters are those of :func:`identify_compaction`; the data have a time [s], and hold their
+    thickness in the end (:func:`held_rows`).
 
     Raises
     ------
@@ -384,8 +396,9 @@ def identify_relaxing_compaction(
     """
     held = held_rows(data)
     closing = identify_compaction(
-        data.keep(~held), thickness=thickness, noise_floor=noise_floor, accept=True, **rest
-    )
+        data.keep(~held), thickness=thickness, solid_height=solid_height,
+        noise_floor=noise_floor, inputs=inputs, accept=True,
+    )  # fmt: skip
     below = data.keep(data["thickness"] < thickness)
     start = np.array([closing[name].value for name in ("c0", "c1", "c2")])
     fit = _fewest(below, start, thickness, noise_floor)
@@ -393,7 +406,7 @@ def identify_relaxing_compaction(
     lack = lack_of_fit(below[TIME], below["pressure"], fit.model, below.specimen)
     fit = replace(fit, blocks=lack.blocks)
     parameters = _parameters(fit, count)
-    told = {own.name: own.value for own in parameters}
+    told = {parameter.name: parameter.value for parameter in parameters}
     objections = (lack.text("the law", "the time", "s"),) if lack.is_systematic else ()
     warnings = [*general_warnings(parameters, fit.residuals, below.specimen)]
     longest = max(told[f"relaxation_time_{k + 1}"] for k in range(count))

@@ -1,9 +1,9 @@
 """Which rows of a test enter its fit, and from which zero they count.
 
 A testing machine counts from where its operator pressed the button: ahead of the contact with the
-specimen, or at a preload. A specimen slips in its clamps, and tears in the end. What a user asks
-for is applied here to every specimen by itself, in this order: zeros, slip and tear, range. All of
-it is told, and what is left out is drawn.
+specimen, or at a preload. A specimen slips in its clamps, and tears in the end. The choice of the
+user is applied here to every specimen by itself, in this order: zeros, slip and tear, range. The
+result lists all that was done, and its diagrams show the rows that were left out.
 
 - **Contact**: rows ahead of it tell the zero of the load. The travel counts from where the line of
   the first rows behind it meets no load (:func:`contact_of`).
@@ -180,8 +180,8 @@ SHOWN = {
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What a user asks for before a fit; nothing by default.
+class RowChoice:
+    """What a user chooses of the rows before a fit; all as they are by default.
 
     Attributes
     ----------
@@ -199,8 +199,8 @@ class Wish:
 class Axes(NamedTuple):
     """Columns of a kind of tests: what is driven, and what bears.
 
-    remembers : whether a row depends on all rows before, so that none of these may go.
-    drawn : column of the diagrams, and what turns the driven column into it, where it is another.
+    remembers : whether a row depends on all rows before it, none of which may then go.
+    drawn : column of the diagrams where it is not the driven one, and what turns that into it.
     """
 
     driven: Column
@@ -225,13 +225,13 @@ class Entering(NamedTuple):
     left_out: tuple[LeftOut, ...]
 
 
-def entering_rows(data: CouponData, axes: Axes, wish: Wish, fewest: int) -> Entering:
+def entering_rows(data: CouponData, axes: Axes, choice: RowChoice, fewest: int) -> Entering:
     """Return the rows of a file that enter the fit, counted from the zeros that were asked for.
 
     Parameters
     ----------
     data : all rows. axes : which columns are driven and bear the load.
-    wish : what is asked for. fewest : rows that a fit needs.
+    choice : of the user. fewest : rows that a fit needs.
 
     Raises
     ------
@@ -239,17 +239,17 @@ def entering_rows(data: CouponData, axes: Axes, wish: Wish, fewest: int) -> Ente
         do not tell, a specimen that is not there, or too few rows in the end.
     """
     work = _Work(data, axes)
-    if wish.zero is not None:
-        work.shift(wish.zero)
-    if wish.without is not None:
-        work.drop(wish.without)
-    if wish.ranges:
-        work.cut(wish.ranges)
+    if choice.zero is not None:
+        work.shift(choice.zero)
+    if choice.without is not None:
+        work.drop(choice.without)
+    if choice.ranges:
+        work.cut(choice.ranges)
     kept = work.data.keep(work.stays)
     if len(kept.lines) < fewest and len(kept.lines) < len(data.lines):
         raise InputError(
             f"{len(kept.lines)} of {len(data.lines)} rows are left; at least {fewest} are needed",
-            key=RANGE if wish.ranges else WITHOUT, file=data.file,
+            key=RANGE if choice.ranges else WITHOUT, file=data.file,
         )  # fmt: skip
     return Entering(kept, tuple(work.told), tuple(work.left_out))
 
@@ -370,8 +370,8 @@ class _Work:
         zero_load, zero_travel = np.zeros(len(self.data.lines)), np.zeros(len(self.data.lines))
         told = []
         for rows in self.specimens():
-            own = self.data[load][rows]
-            contact = contact_of(own)
+            loads = self.data[load][rows]
+            contact = contact_of(loads)
             if contact is None:
                 raise InputError(
                     f"the {load}{self.name(rows)} rises from the first row on: the zero is told by "
@@ -391,7 +391,7 @@ class _Work:
                 continue
             travel = self.data[driven][rows]
             place, count = _met_zero(
-                travel, own - contact.load, contact.ahead, _REACHES * contact.scatter
+                travel, loads - contact.load, contact.ahead, _REACHES * contact.scatter
             )
             # The specimen has borne nothing before the first row that is above the scatter.
             place = float(np.clip(place, travel[0], travel[contact.ahead]))
@@ -416,18 +416,18 @@ class _Work:
         zero = np.zeros(len(self.data.lines))
         _, unit, factor = SHOWN[load]
         for rows in self.specimens():
-            own, travel = self.data[load][rows], self.data[driven][rows]
-            if len(rows) < 3 or own[0] <= 0.0:
+            loads, travel = self.data[load][rows], self.data[driven][rows]
+            if len(rows) < 3 or loads[0] <= 0.0:
                 raise InputError(
-                    f"the first row{self.name(rows)} bears {factor * own[0]:.4g} {unit}, which is "
-                    f"no preload; write {ZERO} {CONTACT} for rows ahead of the contact",
+                    f"the first row{self.name(rows)} bears {factor * loads[0]:.4g} {unit}, which "
+                    f"is no preload; write {ZERO} {CONTACT} for rows ahead of the contact",
                     key=ZERO, file=self.data.file,
                 )  # fmt: skip
-            place, count = _met_zero(travel, own, 0, _GROWS * own[0])
+            place, count = _met_zero(travel, loads, 0, _GROWS * loads[0])
             zero[rows] = place
             self.told.append(
                 (f"zero of {driven}{self.name(rows)}", f"reads {1e3 * place:.5g} mm",
-                 f"{PRELOAD} of {factor * own[0]:.4g} {unit}: the line of the first {count} rows "
+                 f"{PRELOAD} of {factor * loads[0]:.4g} {unit}: the line of the first {count} rows "
                  "meets no load")
             )  # fmt: skip
         self.data = self.data.shifted(driven, zero)
@@ -515,8 +515,8 @@ class _Work:
             noted = [line for one in self.left_out for line in one.lines]
             self.stays[out] = False
             self.told.append(("range", text, f"given, {RANGE}"))
-            for own in self.specimens():
-                mine = np.intersect1d(out, own)
+            for of_specimen in self.specimens():
+                mine = np.intersect1d(out, of_specimen)
                 mine = mine[~np.isin(self.data.lines[mine], noted)]
                 for side in (mine[driven[mine] < low], mine[driven[mine] > high]):
                     self.leave_out(side, OUTSIDE)
@@ -557,8 +557,8 @@ class _Work:
 
     def _of_name(self, name: str) -> np.ndarray:
         for rows in self.specimens():
-            own = self.data.name_of(rows[0])
-            if own == name or (own.isdigit() and name.isdigit() and int(own) == int(name)):
+            known = self.data.name_of(rows[0])
+            if known == name or (known.isdigit() and name.isdigit() and int(known) == int(name)):
                 return rows
         names = ", ".join(self.data.name_of(rows[0]) for rows in self.specimens())
         raise InputError(

@@ -6,10 +6,10 @@ every one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame, load_parameter_at_chord_angle
 from lcmchain.errors import InputError
@@ -22,11 +22,11 @@ from lcmchain.identification import (
     sheared_compaction,
     viscous_shear,
 )
-from lcmchain.identification.data import CouponData, read_coupon
+from lcmchain.identification.data import Column, CouponData, read_coupon
 from lcmchain.identification.entering_rows import (
     WITHOUT,
     Axes,
-    Wish,
+    RowChoice,
     entering_rows,
     found_drops,
     with_left_out,
@@ -47,7 +47,7 @@ from lcmchain.scene.presets import MD600
 from lcmchain.tools.motion import STANDARD_GRAVITY
 
 #: Size -> dimension, default and where the default comes from.
-SIZES: dict[str, tuple[Dimension, Any, str]] = {
+SIZES: dict[str, tuple[Dimension, str, str]] = {
     "length": (LENGTH, "320 mm", "default, paper section 3.2.1"),
     "width": (LENGTH, "160 mm", "default, paper section 3.2.1"),
     "strip_length": (LENGTH, "160 mm", "default, lcmchain coupon off-axis"),
@@ -59,7 +59,7 @@ SIZES: dict[str, tuple[Dimension, Any, str]] = {
     "angle": (ANGLE, "41.5 deg", "default, ISO 9073-7"),
 }
 
-NOTHING_ASKED = Wish()
+NOTHING_ASKED = RowChoice()
 #: Tests that tell the shear polynomial, and the sizes of their specimens.
 TESTS = {
     "bias-extension": ("length", "width", "thickness"),
@@ -76,7 +76,7 @@ def identify_shear_file(
     convention: str = "engineering",
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
     test: str = "bias-extension",
     measured_angle: bool = False,
 ) -> Identification:
@@ -129,7 +129,7 @@ def identify_viscous_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify shear polynomial and viscosity from a file; ``sizes``: side, thickness as text.
 
@@ -159,7 +159,7 @@ def identify_off_axis_file(
     columns: str | None = None,
     noise_floor: float = 0.01,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify a unidirectional fabric from off-axis tension, as :func:`identify_shear_file`.
 
@@ -189,7 +189,7 @@ def identify_compaction_file(
     noise_floor: float = 0.001,
     table: bool = False,
     accept: bool = False,
-    rows: Wish = NOTHING_ASKED,
+    rows: RowChoice = NOTHING_ASKED,
 ) -> Identification:
     """Identify the compaction law; ``sizes``: thickness, areal_mass, fibre_density as text.
 
@@ -330,18 +330,27 @@ _CONVENTION = {
 }
 
 
+class _Kind(Protocol):
+    """Module that identifies from a kind of tests."""
+
+    @property
+    def COLUMNS(self) -> tuple[tuple[Column, ...], ...]:
+        """What a file may hold; the first that fits is taken."""
+
+    @property
+    def MINIMUM_ROWS(self) -> int:
+        """Fewest rows that can be evaluated."""
+
+
 def _test(
     path: Path,
     sizes: Mapping[str, str | None],
     names: tuple[str, ...],
-    kind: Any,
+    kind: _Kind,
     noise_floor: float,
     columns: str | None,
 ) -> tuple[dict[str, float], CouponData, tuple]:
-    """Return the sizes in SI units, the data, and the table of inputs of a kind of tests.
-
-    kind : module that identifies from them, with its ``COLUMNS`` and ``MINIMUM_ROWS``.
-    """
+    """Return the sizes in SI units, the data, and the table of inputs of a kind of tests."""
     _require_fraction("--noise-floor", noise_floor)
     values, inputs = _sizes(sizes, names)
     data = read_coupon(path, kind.COLUMNS, minimum_rows=kind.MINIMUM_ROWS, columns=columns)
@@ -352,14 +361,14 @@ def _fitted(
     fit: Callable[[CouponData, tuple], Identification],
     data: CouponData,
     inputs: tuple,
-    wish: Wish,
+    choice: RowChoice,
     axes: Axes,
     fewest: int,
 ) -> Identification:
     """Return what ``fit`` finds in the rows that enter it, for data and table of inputs."""
-    rows = entering_rows(data, axes, wish, fewest)
+    rows = entering_rows(data, axes, choice, fewest)
     drops = []
-    if wish.without is None and axes.load.name == "force" and not axes.remembers:
+    if choice.without is None and axes.load.name == "force" and not axes.remembers:
         drops = found_drops(rows.data, axes)
     told = [f"{words}: {WITHOUT} {kind} leaves that out" for kind, words in drops]
     try:
@@ -374,9 +383,12 @@ def _fitted(
     return with_left_out(result, rows.left_out, axes)
 
 
-def _sizes(texts: Mapping[str, str | None], names):
+def _sizes(
+    texts: Mapping[str, str | None], names: Sequence[str]
+) -> tuple[dict[str, float], list[tuple[str, str, str]]]:
     """Return the sizes in SI units and their rows of the table of inputs."""
-    values, rows = {}, []
+    values: dict[str, float] = {}
+    rows = []
     for name in names:
         dimension, default, origin = SIZES[name]
         option = "--" + name.replace("_", "-")
@@ -394,13 +406,13 @@ def _sizes(texts: Mapping[str, str | None], names):
     return values, rows
 
 
-def _with_file(rows, data) -> tuple:
+def _with_file(rows: Sequence[tuple[str, str, str]], data: CouponData) -> tuple:
     file = ("data", data.file, f"{len(data.lines)} rows")
     unused = [("not used", header, "column of the file") for header in data.unused]
     return (file, *unused, *rows)
 
 
-def _require_choice(option: str, value: str, choices) -> None:
+def _require_choice(option: str, value: str, choices: Iterable[str]) -> None:
     if value not in choices:
         raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)
 

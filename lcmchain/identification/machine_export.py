@@ -1,10 +1,10 @@
-"""Test data as testing machines write them: which table stands in an export, and what is what.
+"""Test data as testing machines write them: the tables of an export, and what their columns are.
 
 An export has lines about the test, a row of names in the language of the machine, units in the
 names or in a row of their own, and numbers with a decimal point or comma. Several specimens stand
 side by side or below each other. Text in UTF-8, UTF-16 or Windows-1252 and workbooks (.xlsx) are
-read. What a name means is recognised by words of six languages, and holds once the user has
-confirmed it: a wrong column would give a fit that looks right.
+read. The meaning of a name is recognised by words of six languages. It counts once the user
+has confirmed it: a wrong column would give a fit that looks right.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _UNITS = frozenset(
     "n/mm² n/mm2 n/mm^2 kn/m² ° deg rad °c degc k mm/min mm/s m/s % 1/m 1/cm 1/mm n*m/m gf*cm/cm "
     "-".split()
 )
-# Of units that the reader of units spells in another way.
+# Units that the reader of units spells in another way.
 _SPELLINGS = {
     "in.": "inch", "sec": "s", "sek": "s", "sek.": "s", "n/mm²": "N/mm^2", "kn/m²": "kN/m^2",
     "°": "deg", "°c": "degC",
@@ -111,7 +111,7 @@ def read_export(
         clear = _clear(layouts, proposals)
         if clear is None and (only_clear or not any(map(_any_name, proposals))):
             return None
-        if clear is not None and all(own == [name] for name, own in clear.items() if own):
+        if clear is not None and all(places == [name] for name, places in clear.items() if places):
             return None  # names of the program's own: something else is wrong with the file
         raise InputError(_question(specimens, layouts, proposals, clear), file=path)
     chosen = _confirmed(specimens, confirmed, path)
@@ -258,12 +258,12 @@ def _side_by_side(header, grid, begin, end) -> list[Specimen]:
     )  # fmt: skip
     found = []
     for first in range(0, len(used), period):
-        own = used[first : first + period]
-        rows = [tuple((row + [""] * len(names))[k] for k in own) for row in grid[begin:end]]
+        columns = used[first : first + period]
+        rows = [tuple((row + [""] * len(names))[k] for k in columns) for row in grid[begin:end]]
         kept = [i for i, row in enumerate(rows) if any(row)]
         found.append(
             Specimen(
-                tuple(names[k] for k in own), tuple(units[k] for k in own),
+                tuple(names[k] for k in columns), tuple(units[k] for k in columns),
                 tuple(rows[i] for i in kept), tuple(begin + 1 + i for i in kept),
             )
         )  # fmt: skip
@@ -286,7 +286,9 @@ def _recognised(
         ]  # fmt: skip
     for name in also:
         words = WORDS.get(name, name).split()
-        found[name] = [own for own in specimen.names if any(w in own.lower() for w in words)][:1]
+        found[name] = [
+            heading for heading in specimen.names if any(w in heading.lower() for w in words)
+        ][:1]
     return found
 
 
@@ -325,7 +327,7 @@ def _question(specimens, layouts, proposals, clear) -> str:
     )  # fmt: skip
     said = f"is an export of a testing machine with {len(specimens)} specimen(s): {there}. "
     if clear is not None:
-        option = ",".join(f"{name}={own[0]}" for name, own in clear.items() if own)
+        option = ",".join(f"{name}={places[0]}" for name, places in clear.items() if places)
         return said + f'If these are what is wanted, confirm by {OPTION} "{option}"'
     layout, found = min(
         zip(layouts, proposals),
@@ -333,9 +335,9 @@ def _question(specimens, layouts, proposals, clear) -> str:
     )
     open_ones = []
     for column in layout:
-        own = found[column.name]
-        if len(own) != 1:
-            seems = f"may be {' or '.join(own)}" if own else "is not recognised"
+        headings = found[column.name]
+        if len(headings) != 1:
+            seems = f"may be {' or '.join(headings)}" if headings else "is not recognised"
             open_ones.append(f"{column.name} [{column.dimension.common_units[0]}] {seems}")
     example = ",".join(f"{column.name}=NAME" for column in layout)
     return said + f'{"; ".join(open_ones)}: say which they are by {OPTION} "{example}"'
@@ -345,14 +347,14 @@ def _confirmed(specimens: Sequence[Specimen], text: str, path: Path) -> dict[str
     """Return the place of every column that a user names."""
     chosen = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
-        own, equals, name = (piece.strip() for piece in part.partition("="))
+        quantity, equals, name = (piece.strip() for piece in part.partition("="))
         places = [k for k, one in enumerate(specimens[0].names) if one.lower() == name.lower()]
-        if not equals or not own or len(places) != 1:
+        if not equals or not quantity or len(places) != 1:
             there = ", ".join(name for name in specimens[0].names if name)
             raise InputError(
                 f'{OPTION} has "{part}"; write COLUMN=NAME with one of the names {there}', file=path
             )
-        chosen[own.lower()] = places[0]
+        chosen[quantity.lower()] = places[0]
     return chosen
 
 

@@ -7,10 +7,10 @@ c s S, and the strain along the pull is a sum of three, exactly, at any stretch 
     (λ² - 1)/2 = c⁴ a S + s⁴ b S + c s g,   w'(g) = c s S,   F = w0 t0 λ S,
 
 with the compliances a = 1/E along the fibres and b across, and the shear law w' over g of
-:mod:`lcmchain.materials.fibre_families`. So the force at a measured stretch follows from one
-equation, which rises with S; its derivatives by a, b and the shear polynomial are in closed form.
-Angles tell the three apart. The fit minimises the misfit of the force (Gauss-Newton, with the
-bounds of a scene kept exactly).
+:mod:`lcmchain.materials.fibre_families`. The force at a measured stretch follows from one equation,
+which rises with S; its derivatives by a, b and the shear polynomial are in closed form. Tests at
+several angles tell the three apart. The fit minimises the misfit of the force (Gauss-Newton, with
+the bounds of a scene kept exactly).
 
 Sources: off-axis tests at 30, 45 and 60 degrees for such a fabric: Karlsruhe,
 doi 10.5445/IR/1000174521; the even state: :mod:`lcmchain.coupons.analytic.off_axis`.
@@ -331,9 +331,9 @@ def identify_off_axis(
 def tested_angles(angle: np.ndarray) -> np.ndarray:
     """Return the angles of the tests [rad], each once."""
     found: list[float] = []
-    for own in np.sort(angle):
-        if not found or own > found[-1] + LEAST_APART:
-            found.append(float(own))
+    for one in np.sort(angle):
+        if not found or one > found[-1] + LEAST_APART:
+            found.append(float(one))
     return np.array(found)
 
 
@@ -357,9 +357,10 @@ def _judge(data: CouponData, strips: Strips, fit: Fit) -> tuple[LackOfFit, list[
     if over.is_systematic:
         objections.append(over.text("the law", "the angle", "deg", 180.0 / math.pi))
     for angle in tested_angles(strips.angle):
-        own = _at(strips.angle, angle)
+        at_angle = _at(strips.angle, angle)
         lack = lack_of_fit(
-            data["displacement"][own], strips.force[own], fit.model[own], strips.specimen[own],
+            data["displacement"][at_angle], strips.force[at_angle], fit.model[at_angle],
+            strips.specimen[at_angle],
             tolerance=TOLERANCE_OF_ANGLES,
         )  # fmt: skip
         if lack.is_systematic:
@@ -399,12 +400,12 @@ def _by_the_others(
     """
     found = []
     for angle in angles if len(angles) > 2 else ():
-        own = _at(strips.angle, angle)
-        rest = strips.keep(~own)
+        at_angle = _at(strips.angle, angle)
+        rest = strips.keep(~at_angle)
         if rest.tell_along == strips.tell_along:
             other = fit_strips(rest, noise_floor, len(law.names) - 1 - strips.tell_along)
-            force = predicted(strips.keep(own), other.theta)[0]
-            found.append(_LeftOut(float(angle), own, force))
+            force = predicted(strips.keep(at_angle), other.theta)[0]
+            found.append(_LeftOut(float(angle), at_angle, force))
     return found
 
 
@@ -455,13 +456,13 @@ def _panels(
 ) -> tuple[Panel, ...]:
     u, points, curves, left_out = 1e3 * data["displacement"], [], [], []
     for angle in tested_angles(strips.angle):
-        own = _at(strips.angle, angle)
-        order = np.argsort(u[own], kind="stable")
+        at_angle = _at(strips.angle, angle)
+        order = np.argsort(u[at_angle], kind="stable")
         name = f"{np.degrees(angle):.3g} deg"
-        points.append(Points(u[own], strips.force[own], name, strips.specimen[own]))
-        curves.append(Band(u[own][order], law.fit.model[own][order], ""))
+        points.append(Points(u[at_angle], strips.force[at_angle], name, strips.specimen[at_angle]))
+        curves.append(Band(u[at_angle][order], law.fit.model[at_angle][order], ""))
         left_out += [
-            Band(u[own][order], one.force[order], "by the law of the others", dashed=True)
+            Band(u[at_angle][order], one.force[order], "by the law of the others", dashed=True)
             for one in others
             if one.angle == angle
         ]
@@ -469,7 +470,7 @@ def _panels(
     sheared = strips.parts()[2] > 0.0
     stress = strips.parts()[2] * strips.force / (strips.section * strips.stretch)
     curve = shear_response(law.theta[2:], g)[0]
-    names = left_out[:1] + [replace(own, label="") for own in left_out[1:]]
+    names = left_out[:1] + [replace(band, label="") for band in left_out[1:]]
     return (
         Panel("displacement [mm]", "force [N]", tuple(points), (*curves, *names)),
         Panel(

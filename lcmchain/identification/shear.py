@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -112,21 +113,13 @@ def identify_shear(
     rising = rising_stress(secant)
     share = 0.5 if method == "printed" else 1.0
 
-    def fit_force(values: np.ndarray, at_least=None) -> Fit:
-        return fit_linear(design, values, noise_floor, at_least=at_least)
-
-    def fit_stress(values: np.ndarray, at_least=None) -> Fit:
-        stress = stress_from_force(specimen, angle, values, data.specimen, share=share)
-        per_force = _own_stress_per_force(specimen, angle)
-        return fit_linear(
-            stress_design(angle, factor), stress, noise_floor, at_least=at_least,
-            scale_of=lambda s: per_force * noise_scale(design @ s, values, noise_floor),
-        )  # fmt: skip
-
-    fit_once = fit_force if method == "force" else fit_stress
-    free, fit = fit_once(force), fit_once(force, rising)
-    # What the force scatters by is told by the direct fit: the printed equation is not the inverse
-    # of the force, its curve is not meant to meet the data.
+    fit_force = partial(fit_linear, design, floor=noise_floor)
+    fit_once = fit_force
+    if method != "force":
+        fit_once = partial(_fit_stress, data, specimen, design, factor, share, floor=noise_floor)
+    free, fit = fit_once(force), fit_once(force, at_least=rising)
+    # The direct fit tells the scatter of the force: the printed equation is not its inverse, so
+    # that its curve is not meant to meet the data.
     direct = free if method == "force" else fit_force(force)
     judgement = _judge(data, specimen, angle, design, rising, noise_floor)
     spread: _LinearSpread | _BootstrapSpread
@@ -137,14 +130,7 @@ def identify_shear(
             fit_once, direct.model, direct.scale * direct.noise_scale, free.parameters,
             bootstrap_count, seed,
         )  # fmt: skip
-    low, high = spread.interval(np.eye(COEFFICIENT_COUNT))
-    parameters = tuple(
-        # A value held by the bound may lie outside; the interval then reaches to it.
-        Parameter(f"s{k}", float(v), "Pa", float(np.fmin(low[k], v)), float(np.fmax(high[k], v)))
-        if np.isfinite(low[k])
-        else Parameter(f"s{k}", float(v), "Pa", np.nan, np.nan)
-        for k, v in enumerate(fit.parameters)
-    )
+    parameters = _parameters(fit, spread)
     model = design @ fit.parameters
     residuals = (force - model) / noise_scale(model, force, noise_floor)
     warnings = general_warnings(parameters, residuals, data.specimen)
@@ -177,6 +163,41 @@ def identify_shear(
         holds=judgement.holds,
     )
     return accepted(result, data.file, accept)
+
+
+def _fit_stress(
+    data: CouponData,
+    specimen: Specimen,
+    design: np.ndarray,
+    factor: float,
+    share: float,
+    force: np.ndarray,
+    *,
+    floor: float,
+    at_least: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Fit:
+    """Fit the coefficients to the stress [Pa] that forces [N] at the angles of the data ask for."""
+    angle = _angles(data, specimen)
+    stress = stress_from_force(specimen, angle, force, data.specimen, share=share)
+    per_force = _own_stress_per_force(specimen, angle)
+    return fit_linear(
+        stress_design(angle, factor), stress, floor, at_least=at_least,
+        scale_of=lambda s: per_force * noise_scale(design @ s, force, floor),
+    )  # fmt: skip
+
+
+def _parameters(fit: Fit, spread: _LinearSpread | _BootstrapSpread) -> tuple[Parameter, ...]:
+    """Return s0 ... s4 with their intervals.
+
+    A value held by a bound may lie outside; the interval then reaches to it.
+    """
+    low, high = spread.interval(np.eye(COEFFICIENT_COUNT))
+    return tuple(
+        Parameter(f"s{k}", float(v), "Pa", float(np.fmin(low[k], v)), float(np.fmax(high[k], v)))
+        if np.isfinite(low[k])
+        else Parameter(f"s{k}", float(v), "Pa", np.nan, np.nan)
+        for k, v in enumerate(fit.parameters)
+    )
 
 
 @dataclass(frozen=True)

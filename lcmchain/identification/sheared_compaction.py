@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,8 +66,17 @@ def sheared_pressure(
     return thinner * compaction_pressure(thinner * stretch, *law) / np.cos(shear_angle)
 
 
-def _unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np.ndarray]:
-    """Return the law of the unsheared rows, and which rows are sheared; for parameters see below.
+def _unsheared_law(
+    data: CouponData,
+    thickness: float,
+    solid_height: float,
+    noise_floor: float,
+    inputs: tuple,
+    accept: bool,
+) -> tuple[Identification, np.ndarray]:
+    """Return the law of the unsheared rows, and which rows are sheared.
+
+    Parameters are those of :func:`~lcmchain.identification.compaction.identify_compaction`.
 
     Raises
     ------
@@ -89,16 +98,21 @@ def _unsheared_law(data: CouponData, **options: Any) -> tuple[Identification, np
             f"has {np.count_nonzero(sheared)} sheared rows; at least {_SHEARED_ROWS} are needed",
             file=data.file,
         )
-    return identify_compaction(data.keep(~sheared), **options), sheared
+    law = identify_compaction(
+        data.keep(~sheared), thickness=thickness, solid_height=solid_height,
+        noise_floor=noise_floor, inputs=inputs, accept=accept,
+    )  # fmt: skip
+    return law, sheared
 
 
 def identify_sheared_compaction(
     data: CouponData,
     *,
     thickness: float,
+    solid_height: float,
     noise_floor: float = 0.001,
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify c0, c1, c2 from the unsheared rows, and β from all of them.
 
@@ -106,7 +120,7 @@ def identify_sheared_compaction(
     ----------
     data : columns thickness [m], pressure [Pa] and shear angle [rad].
     thickness : thickness t0 of the unloaded, unsheared fabric [m].
-    noise_floor, accept, rest : as of
+    solid_height, noise_floor, inputs, accept : as of
         :func:`~lcmchain.identification.compaction.identify_compaction`.
 
     Raises
@@ -114,9 +128,7 @@ def identify_sheared_compaction(
     InputError : a shear angle out of range, no rows without shear, or too few with it.
     FitRefusedError : law or coupling does not describe the data, and ``accept`` is not given.
     """
-    plain, sheared = _unsheared_law(
-        data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
-    )
+    plain, sheared = _unsheared_law(data, thickness, solid_height, noise_floor, inputs, accept)
     law = tuple(plain[name].value for name in ("c0", "c1", "c2"))
     fit = _fit_all(data, thickness, law, noise_floor)
     beta, half = float(fit.parameters[3]), float(fit.half_widths()[3])
@@ -153,7 +165,7 @@ def identify_sheared_compaction(
     return accepted(result, data.file, accept)
 
 
-def _fit_all(data: CouponData, thickness: float, law: Any, noise_floor: float) -> Fit:
+def _fit_all(data: CouponData, thickness: float, law: Sequence[float], noise_floor: float) -> Fit:
     """Fit β with the law free to follow all rows, so that its interval holds that of the law.
 
     The parameters are the logarithms of c0, c1, c2 over those of ``law``, and β.
@@ -163,8 +175,8 @@ def _fit_all(data: CouponData, thickness: float, law: Any, noise_floor: float) -
     stretch, gamma = rows["thickness"] / thickness, np.abs(rows[SHEAR_ANGLE])
 
     def model(theta: np.ndarray) -> np.ndarray:
-        own = tuple(np.multiply(law, np.exp(theta[:3])))
-        return sheared_pressure(stretch, gamma, own, theta[3])
+        varied = tuple(np.multiply(law, np.exp(theta[:3])))
+        return sheared_pressure(stretch, gamma, varied, theta[3])
 
     return fit_nonlinear(
         model, np.array([0.0, 0.0, 0.0, 0.5]), rows["pressure"], noise_floor,
@@ -172,14 +184,16 @@ def _fit_all(data: CouponData, thickness: float, law: Any, noise_floor: float) -
     )  # fmt: skip
 
 
-def _panel_of_coupling(rows: CouponData, thickness: float, law: Any, beta: float) -> Panel:
+def _panel_of_coupling(
+    rows: CouponData, thickness: float, law: Sequence[float], beta: float
+) -> Panel:
     """Return thickness against pressure at each of the shear angles."""
     degrees = np.round(np.degrees(np.abs(rows[SHEAR_ANGLE])), 1)
     points, curves = [], []
     for angle in np.unique(degrees):
-        own = degrees == angle
-        t = rows["thickness"][own]
-        points.append(Points(1e3 * t, 1e-6 * rows["pressure"][own], f"{angle:g} deg"))
+        at_angle = degrees == angle
+        t = rows["thickness"][at_angle]
+        points.append(Points(1e3 * t, 1e-6 * rows["pressure"][at_angle], f"{angle:g} deg"))
         grid = np.linspace(t.max(), t.min(), 100)
         pressure = sheared_pressure(grid / thickness, np.radians(angle), law, beta)
         curves.append(Band(1e3 * grid, 1e-6 * pressure, f"β = {beta:.3g}"))
@@ -211,9 +225,10 @@ def identify_pressure_table(
     data: CouponData,
     *,
     thickness: float,
+    solid_height: float,
     noise_floor: float = 0.001,
+    inputs: tuple = (),
     accept: bool = False,
-    **rest: Any,
 ) -> Identification:
     """Identify c0, c1, c2 from the unsheared rows, and a table of pressures from all of them.
 
@@ -224,21 +239,19 @@ def identify_pressure_table(
     InputError : too many angles, too few rows at one, or points of which no law can be made.
     FitRefusedError : a curve does not describe the rows of its angle, and ``accept`` is not given.
     """
-    plain, is_sheared = _unsheared_law(
-        data, thickness=thickness, noise_floor=noise_floor, accept=accept, **rest
-    )
+    plain, is_sheared = _unsheared_law(data, thickness, solid_height, noise_floor, inputs, accept)
     law = np.array([plain[name].value for name in ("c0", "c1", "c2")])
     thinnest = float(data["thickness"][~is_sheared].min()) / thickness
     sheared = [
         _fitted(angle, rows, thickness, law, noise_floor)
         for angle, rows in _by_angle(data, is_sheared)
     ]
-    curves = [_points(0.0, law, 1.0, thinnest), *(_curve(own, thickness, law) for own in sheared)]
+    curves = [_points(0.0, law, 1.0, thinnest), *(_curve(one, thickness, law) for one in sheared)]
     if fault := PressureTable(curves, *law).fault():
         raise InputError(f"gives a table that {fault}", file=data.file)
     objections = [*plain.objections, *filter(None, map(_objection, sheared))]
-    pressure = np.concatenate([own.rows["pressure"] for own in sheared])
-    model = np.concatenate([own.fit.model for own in sheared])
+    pressure = np.concatenate([one.rows["pressure"] for one in sheared])
+    model = np.concatenate([one.fit.model for one in sheared])
     result = replace(
         plain,
         method=f"{plain.method}; at each shear angle a curve of its own, given by points",
@@ -246,7 +259,7 @@ def identify_pressure_table(
         scene_entries={**plain.scene_entries, "table": _entry(curves)},
         point_count=plain.point_count + len(pressure),
         r_squared=min(plain.r_squared, coefficient_of_determination(pressure, model)),
-        relative_noise=max(plain.relative_noise, *(own.fit.scale for own in sheared)),
+        relative_noise=max(plain.relative_noise, *(one.fit.scale for one in sheared)),
         panels=(*plain.panels, _panel_of_angles(sheared, thickness, law)),
         objections=tuple(objections),
         holds=plain.holds or ("the curves of the other angles hold" if objections else ""),
@@ -273,14 +286,14 @@ def _by_angle(data: CouponData, is_sheared: np.ndarray) -> list[tuple[float, Cou
     number = np.searchsorted(starts, angle, side="right")
     found = []
     for k, start in enumerate(starts):
-        own = is_sheared & (number == k + 1)
-        if np.count_nonzero(own) < _ROWS_OF_AN_ANGLE:
+        at_angle = is_sheared & (number == k + 1)
+        if np.count_nonzero(at_angle) < _ROWS_OF_AN_ANGLE:
             raise InputError(
-                f"has {np.count_nonzero(own)} rows at {math.degrees(start):.4g} deg; at least "
+                f"has {np.count_nonzero(at_angle)} rows at {math.degrees(start):.4g} deg; at least "
                 f"{_ROWS_OF_AN_ANGLE} are needed",
                 file=data.file,
             )
-        found.append((float(angle[own].mean()), data.keep(own)))
+        found.append((float(angle[at_angle].mean()), data.keep(at_angle)))
     return found
 
 
@@ -315,25 +328,25 @@ def _points(angle: float, law: np.ndarray, free: float, thinnest: float) -> Pres
     return PressureCurve(angle, tuple(stretch), (0.0, *pressure[1:]))
 
 
-def _curve(own: _Angle, thickness: float, law: np.ndarray) -> PressureCurve:
-    c0, c1, free = np.exp(own.fit.parameters)
-    thinnest = float(own.rows["thickness"].min()) / thickness
-    return _points(own.angle, np.array([c0, c1, law[2]]), float(free), thinnest)
+def _curve(one: _Angle, thickness: float, law: np.ndarray) -> PressureCurve:
+    c0, c1, free = np.exp(one.fit.parameters)
+    thinnest = float(one.rows["thickness"].min()) / thickness
+    return _points(one.angle, np.array([c0, c1, law[2]]), float(free), thinnest)
 
 
-def _objection(own: _Angle) -> str:
+def _objection(one: _Angle) -> str:
     """Say where the curve of an angle misses its rows; empty where nowhere."""
-    rows = own.rows
-    lack = lack_of_fit(-rows["thickness"], rows["pressure"], own.fit.model, rows.specimen)
+    rows = one.rows
+    lack = lack_of_fit(-rows["thickness"], rows["pressure"], one.fit.model, rows.specimen)
     if not lack.is_systematic:
         return ""
-    return lack.text(f"the curve at {math.degrees(own.angle):.4g} deg", "the thickness", "mm", -1e3)
+    return lack.text(f"the curve at {math.degrees(one.angle):.4g} deg", "the thickness", "mm", -1e3)
 
 
-def _free_stretch(own: _Angle) -> Parameter:
-    value, half = own.fit.parameters[2], own.fit.half_widths()[2]
+def _free_stretch(one: _Angle) -> Parameter:
+    value, half = one.fit.parameters[2], one.fit.half_widths()[2]
     return Parameter(
-        f"free_stretch_at_{math.degrees(own.angle):.0f}_deg", exponential(value), "1",
+        f"free_stretch_at_{math.degrees(one.angle):.0f}_deg", exponential(value), "1",
         exponential(value - half), exponential(value + half),
     )  # fmt: skip
 
@@ -352,10 +365,10 @@ def _entry(curves: list[PressureCurve]) -> str:
 def _panel_of_angles(sheared: list[_Angle], thickness: float, law: np.ndarray) -> Panel:
     """Return thickness against pressure at each of the shear angles."""
     points, curves = [], []
-    for own in sheared:
-        t, name = own.rows["thickness"], f"{math.degrees(own.angle):.3g} deg"
-        points.append(Points(1e3 * t, 1e-6 * own.rows["pressure"], name))
+    for one in sheared:
+        t, name = one.rows["thickness"], f"{math.degrees(one.angle):.3g} deg"
+        points.append(Points(1e3 * t, 1e-6 * one.rows["pressure"], name))
         grid = np.linspace(t.max(), t.min(), 100)
-        pressure = _pressure(grid / thickness, own.angle, own.fit.parameters, law[2])
+        pressure = _pressure(grid / thickness, one.angle, one.fit.parameters, law[2])
         curves.append(Band(1e3 * grid, 1e-6 * pressure, f"curve at {name}"))
     return Panel("thickness [mm]", "pressure [MPa]", tuple(points), tuple(curves), log_y=True)

@@ -11,13 +11,13 @@ is the factor of the temperature on all times.
 
 The force of a frame is linear in the shear polynomial, the viscosities and the moduli of the
 Maxwell elements, once the time constant M and the exponent N of Cross's law, the relaxation times
-and the energy of activation are given. So these few alone are searched for: at each of their values
-the others follow from linear least squares, those of the rate not negative (variable projection,
-Golub and Pereyra 1973).
+and the energy of activation are given. Only these few are searched for. At each of their values the
+others follow from linear least squares, those of the rate not negative (variable projection, Golub
+and Pereyra 1973).
 
 Maxwell elements are added one at a time, at the relaxation time of a logarithmic grid that helps
-most, after which all times are refined together; an element stays that lowers the sum of squares by
-more than chance would (F test).
+most; then all times are refined together. An element stays if it lowers the sum of squares by more
+than chance would (F test).
 """
 
 from __future__ import annotations
@@ -159,8 +159,8 @@ def frame_tests(data: CouponData, frame: PictureFrame) -> FrameTests:
     if "speed" in kept:
         speed = kept["speed"].copy()
     for number in np.unique(kept.specimen):
-        own = kept.specimen == number
-        speed[own & (speed < STILL * speed[own].max())] = 0.0
+        of_test = kept.specimen == number
+        speed[of_test & (speed < STILL * speed[of_test].max())] = 0.0
     since_stop[order] = _standing(speed[order], passed, begins)
     angle = frame.shear_angle(kept["displacement"])
     return FrameTests(
@@ -197,14 +197,14 @@ def _ways(
             )  # fmt: skip
     order, begins, start, passed = [], [], [], []
     for number in np.unique(data.specimen[rows]):
-        own = np.flatnonzero(data.specimen[rows] == number)
-        travel = np.append(0.0, displacement[rows[own]])
+        of_test = np.flatnonzero(data.specimen[rows] == number)
+        travel = np.append(0.0, displacement[rows[of_test]])
         if steady:
-            time = np.maximum(np.diff(travel), 0.0) / data["speed"][rows[own]]
+            time = np.maximum(np.diff(travel), 0.0) / data["speed"][rows[of_test]]
         else:
-            time = np.diff(np.append(_start(data, rows[own[0]]), data["time"][rows[own]]))
-        order.append(own)
-        begins.append(np.arange(len(own)) == 0)
+            time = np.diff(np.append(_start(data, rows[of_test[0]]), data["time"][rows[of_test]]))
+        order.append(of_test)
+        begins.append(np.arange(len(of_test)) == 0)
         start.append(travel[:-1])
         passed.append(time)
     if not order:
@@ -341,21 +341,23 @@ class RateLaws:
 
         Shape [row_count, name_count] as ``form.names``; the first is that of η0 - η∞.
         """
-        tests, own = self.tests, dict(zip(form.searched, form.values(theta), strict=True))
+        tests, value_of = self.tests, dict(zip(form.searched, form.values(theta), strict=True))
         factor = np.ones(len(tests.angle))
         if form.heated and tests.temperature is not None:
             inverse = 1.0 / tests.temperature - 1.0 / self.reference
-            factor = np.exp(own["activation_energy"] / GAS_CONSTANT * inverse)
+            factor = np.exp(value_of["activation_energy"] / GAS_CONSTANT * inverse)
         lever = tests.lever / np.cos(tests.angle)
         dashpot = lever * factor * tests.rate
         columns = [dashpot]
         if form.cross:
-            thinning = (own["time_constant"] * factor * tests.rate) ** (1.0 - own["exponent"])
+            thinning = (value_of["time_constant"] * factor * tests.rate) ** (
+                1.0 - value_of["exponent"]
+            )
             columns = [dashpot / (1.0 + thinning)]
         if form.infinite:
             columns.append(dashpot)
         for k in range(form.elements):
-            columns.append(lever * tests.moments(own[f"relaxation_time_{k + 1}"], factor))
+            columns.append(lever * tests.moments(value_of[f"relaxation_time_{k + 1}"], factor))
         return np.stack(columns, axis=-1)
 
     def design(self, form: Form, theta: np.ndarray) -> np.ndarray:
@@ -395,7 +397,7 @@ class RateLaws:
 
     def needs(self, more: RateFit, less: RateFit, *, chance: float = FALSE_PART) -> bool:
         """Whether a law describes the tests better than one with less, by more than chance."""
-        before, left = (self._misfit(own.form, own.theta) for own in (less, more))
+        before, left = (self._misfit(fit.form, fit.theta) for fit in (less, more))
         count = len(more.whole.parameters) - len(less.whole.parameters)
         return self._is_better(before, left, count, more.form, chance)
 
@@ -458,7 +460,7 @@ class RateLaws:
             return theta
         low, high = self._bounds(form)
         solution = least_squares(
-            lambda own: self._residuals(form, own, scale), np.clip(theta, low, high),
+            lambda tried: self._residuals(form, tried, scale), np.clip(theta, low, high),
             bounds=(low, high), jac="3-point", xtol=1e-10, ftol=1e-12, gtol=1e-12,
         )  # fmt: skip
         return solution.x
@@ -481,10 +483,10 @@ class RateLaws:
     def _limits(self, form: Form, design: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return bounds of a scene: the stress rises, and nothing of the rate is negative."""
         tangent, least = rising_stress(mean_secant(design, self.tests.force))
-        own = np.eye(len(form.names))
+        signs = np.eye(len(form.names))
         if form.infinite:
-            own[0, 1] = -1.0
-        return block_diag(tangent, own), np.append(least, np.zeros(len(own)))
+            signs[0, 1] = -1.0
+        return block_diag(tangent, signs), np.append(least, np.zeros(len(signs)))
 
     def _linear(self, form: Form, theta: np.ndarray) -> Fit:
         design = self.design(form, theta)
@@ -508,5 +510,5 @@ class RateLaws:
         )
         low, high = self._bounds(form) if len(theta) else (theta, theta)
         stops = np.minimum(theta - low, high - theta) < 1e-3
-        held = tuple(name for name, own in zip(form.searched, stops, strict=True) if own)
+        held = tuple(name for name, stopped in zip(form.searched, stops, strict=True) if stopped)
         return RateFit(form, theta, linear, free, whole, held)

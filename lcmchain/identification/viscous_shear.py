@@ -213,7 +213,7 @@ def _result(
 ) -> Identification:
     tests = laws.tests
     force, model = tests.force, fit.linear.model
-    blocks = next((own.blocks for own in lacks if own.blocks is not None), None)
+    blocks = next((lack.blocks for lack in lacks if lack.blocks is not None), None)
     fit = replace(fit, whole=replace(fit.whole, blocks=blocks))
     parameters = _parameters(fit)
     residuals = (force - model) / noise_scale(model, force, laws.noise_floor)
@@ -366,9 +366,9 @@ def _panels(laws: RateLaws, fit: RateFit) -> tuple[Panel, ...]:
     residuals = 100.0 * (force - model) / noise_scale(model, force, laws.noise_floor)
     curves = []
     for number in np.unique(tests.data.specimen)[:6]:
-        own = (tests.data.specimen == number) & ~tests.still
-        name = f"fit, {1e3 * np.median(tests.speed[own]):.4g} mm/s"
-        curves.append(Band(1e3 * travel[own], model[own], name))
+        of_test = (tests.data.specimen == number) & ~tests.still
+        name = f"fit, {1e3 * np.median(tests.speed[of_test]):.4g} mm/s"
+        curves.append(Band(1e3 * travel[of_test], model[of_test], name))
     panels = [
         Panel(
             "displacement [mm]", "force [N]",
@@ -384,9 +384,11 @@ def _panels(laws: RateLaws, fit: RateFit) -> tuple[Panel, ...]:
         still, since = tests.still, tests.since_stop
         held = []
         for number in np.unique(tests.data.specimen[still])[:6]:
-            own = still & (tests.data.specimen == number)
+            of_test = still & (tests.data.specimen == number)
             fastest = tests.speed[tests.data.specimen == number].max()
-            held.append(Band(since[own], model[own], f"fit, after {1e3 * fastest:.4g} mm/s"))
+            held.append(
+                Band(since[of_test], model[of_test], f"fit, after {1e3 * fastest:.4g} mm/s")
+            )
         panels.append(
             Panel(
                 "time since the stop [s]", "force [N]",

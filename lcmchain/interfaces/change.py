@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+from lcmchain.elements.blocks import SPAN, put_vector, vector_at
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.refresh import carry_over, way_to_facet
 from lcmchain.interfaces.rows import (
@@ -34,7 +35,6 @@ from lcmchain.interfaces.rows import (
 )
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import entry, ordered_span_routine
-from lcmchain.tools.span_rows import SPAN, put_vector, vector_at
 
 
 @entry

@@ -16,7 +16,15 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from lcmchain.elements.blocks import NEXT_ROW, SECOND_ROW
+from lcmchain.elements.blocks import (
+    NEXT_ROW,
+    NODE_CHUNK,
+    SECOND_ROW,
+    SPAN,
+    SPANS_OF_CHUNK,
+    put_vector,
+    vector_at,
+)
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.rows import (
     AREA,
@@ -54,7 +62,6 @@ from lcmchain.jit import (
     span_routine,
     standalone_routine,
 )
-from lcmchain.tools.span_rows import NODE_CHUNK, SPAN, SPANS_OF_CHUNK, put_vector, vector_at
 
 # Halves of spans in a chunk of nodes.
 HALVES_OF_CHUNK = NODE_CHUNK // HALF

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from lcmchain.elements.blocks import SPAN, vector_at
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.refresh import slip_of, touches
 from lcmchain.interfaces.rows import (
@@ -32,7 +33,6 @@ from lcmchain.interfaces.rows import (
 from lcmchain.interfaces.springs import tangential
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import entry, equation
-from lcmchain.tools.span_rows import SPAN, vector_at
 
 # Rows of what a frame holds; of vectors the first of three.
 PRESSED = 0  # force of other plies along the normal at the last step, a pull negative [N]

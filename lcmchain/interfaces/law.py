@@ -27,9 +27,9 @@ import numpy as np
 from numba.extending import overload
 
 from lcmchain.dispatch import implements, optional, required
+from lcmchain.elements.blocks import SPAN
 from lcmchain.jit import INLINED, equation
 from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.tools.span_rows import SPAN
 
 __all__ = [
     "MOST_LAWS",

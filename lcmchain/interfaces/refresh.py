@@ -28,6 +28,7 @@ import math
 import numpy as np
 from numba import prange
 
+from lcmchain.elements.blocks import SPAN, put_vector, vector_at
 from lcmchain.elements.vectors import cross, dot, plus, scaled
 from lcmchain.interfaces.forces import (
     APPROACH,
@@ -108,7 +109,6 @@ from lcmchain.interfaces.springs import (
 )
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.jit import equation, inlined_routine, kernel_part, ordered_span_routine, routine
-from lcmchain.tools.span_rows import SPAN, put_vector, vector_at
 
 # Steps between two refreshes: at most, and by how much they may grow from one to the next.
 MOST_STEPS, GROWTH = 100, 2

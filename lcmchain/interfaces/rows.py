@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from lcmchain.elements.blocks import SPAN, vector_at
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.interfaces.law import (
     Touch,
@@ -21,7 +22,6 @@ from lcmchain.interfaces.law import (
 )
 from lcmchain.interfaces.springs import tangential
 from lcmchain.jit import equation
-from lcmchain.tools.span_rows import SPAN, vector_at
 
 # Rows of a point; of vectors the first of three.
 WEIGHT = 0  # of the four corners

@@ -14,6 +14,7 @@ import numpy as np
 
 from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
+from lcmchain.elements.blocks import NODE_CHUNK, SPAN
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
@@ -21,7 +22,6 @@ from lcmchain.interfaces.rows import row_count
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.cells import by_node
 from lcmchain.quantities.places import millimetres
-from lcmchain.tools.span_rows import NODE_CHUNK, SPAN
 
 #: No facet, no neighbour, no interface.
 NONE = -1

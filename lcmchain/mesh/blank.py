@@ -20,19 +20,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.cells import boundary_edges, cell_heights
+from lcmchain.mesh.cells import boundary_edges, cell_areas, cell_heights
 from lcmchain.mesh.contours import Contours, Drawn, contours_of
-from lcmchain.mesh.cut import ON_OUTLINE, Cells
+from lcmchain.mesh.cut import ON_OUTLINE, LatticeCells
 from lcmchain.mesh.drawing import Drawing
 from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
 from lcmchain.mesh.lattice import best_lattice, number_by_lines
 from lcmchain.mesh.outline import (
     check_element_count,
     check_lattice_size,
-    cross,
-    place,
+    in_mm,
 )
-from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame
+from lcmchain.mesh.sheet_mesh import NO_NODE, UndeformedFrame, spanned
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Angle,
@@ -244,17 +243,9 @@ class BlankMesh(UndeformedFrame):
     has_thickness = True
 
     @property
-    def node_count(self) -> int:
-        return len(self.node_positions)
-
-    @property
     def pair_count(self) -> int:
         """Number of pairs of a bottom node and the top node above it."""
         return len(self.node_positions) // 2
-
-    @property
-    def element_count(self) -> int:
-        return len(self.elements)
 
     @property
     def faces(self) -> np.ndarray:
@@ -306,8 +297,7 @@ class BlankMesh(UndeformedFrame):
 
     def areas(self, positions: np.ndarray) -> np.ndarray:
         """Mid-surface area 4 |a1 × a2| of every element (..., element_count) [m²]."""
-        a = self.base_vectors(positions)
-        return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
+        return 4.0 * spanned(self.base_vectors(positions))
 
     def remarks(self) -> list[str]:
         """Say where the elements are too large for the outline."""
@@ -333,8 +323,7 @@ class BlankMesh(UndeformedFrame):
     @property
     def element_areas(self) -> np.ndarray:
         """Initial mid-surface area of every element [m2], shape (element_count,)."""
-        corner = self.mid_surface_positions[self.faces][..., :2]
-        return 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+        return cell_areas(self.mid_surface_positions[self.faces][..., :2])
 
     @property
     def area(self) -> float:
@@ -412,7 +401,7 @@ def build_blank(
 
 
 def _check_coverage(
-    cells: Cells, area: float, edge_length: float, to_scene: np.ndarray, key: str
+    cells: LatticeCells, area: float, edge_length: float, to_scene: np.ndarray, key: str
 ) -> None:
     advice = f"choose a smaller blank.edge_length than {edge_length:g} m"
     if len(cells.faces) == 0 or cells.piece_count != 1:
@@ -424,7 +413,7 @@ def _check_coverage(
     if cells.smallest_height <= 0.0:
         middle = to_scene @ cells.positions[cells.faces[cells.weakest]].mean(axis=0)
         raise InputError(
-            f"cannot be meshed near {place(middle)}, an element would be inverted; {advice}",
+            f"cannot be meshed near {in_mm(middle)}, an element would be inverted; {advice}",
             key=key,
         )
     difference = cells.area / area - 1.0
@@ -436,7 +425,9 @@ def _check_coverage(
         )
 
 
-def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_length: float) -> None:
+def _check_loops(
+    cells: LatticeCells, contours: Contours, in_fibres: Contours, edge_length: float
+) -> None:
     """Refuse holes and slits that are lost between the elements, or run into each other."""
     edges = boundary_edges(cells.faces)
     ends = np.unique(edges)
@@ -451,7 +442,7 @@ def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_len
         middle = shapely.Polygon(hole).representative_point()
         if len(covered.query(middle, predicate="within")):
             raise InputError(
-                f"is narrower than two elements, near {place(contours.rings[1 + number][0])}; "
+                f"is narrower than two elements, near {in_mm(contours.rings[1 + number][0])}; "
                 f"choose a smaller blank.edge_length than {edge_length:g} m, or leave it out",
                 key=f"blank.holes[{number}]",
             )
@@ -468,7 +459,7 @@ def _check_jacobians(positions: np.ndarray, faces: np.ndarray) -> None:
     if not (heights > 0.0).all():
         element = int(np.argmin(heights))
         raise InputError(
-            f"element {element} near {place(positions[faces[element]].mean(axis=0))} is inverted "
+            f"element {element} near {in_mm(positions[faces[element]].mean(axis=0))} is inverted "
             "in the undeformed blank; use a smaller perturbation or another blank.edge_length"
         )
 

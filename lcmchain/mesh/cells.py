@@ -54,6 +54,11 @@ def cell_heights(corner: np.ndarray) -> np.ndarray:
     return np.where(is_triangle, products[:, 1] / longest, quadrilateral.min(axis=1))
 
 
+def cell_areas(corner: np.ndarray) -> np.ndarray:
+    """Areas of cells [m²], shape (cells,), of their corners (cells, 4, 2); negative if inverted."""
+    return 0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+
+
 def piece_count(faces: np.ndarray) -> int:
     """Number of pieces of the mesh that hang together over common edges."""
     if len(faces) == 0:
@@ -192,7 +197,7 @@ def _shape(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return |gradients| at the centre (cells, 4, 2), shares of the mass (cells, 4), and areas."""
     first, second = corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]
-    area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    area = cell_areas(corner)
     gradient = np.stack([-second, first, second, -first], axis=1)[:, :, ::-1] * [-1.0, 1.0]
     gradient = gradient / (2.0 * np.maximum(area, np.finfo(float).tiny))[:, None, None]
     share = np.full(corner.shape[:2], 0.25)

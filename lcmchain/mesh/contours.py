@@ -11,13 +11,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from lcmchain.errors import InputError
-from lcmchain.mesh.outline import check_simple, cross, outline_of, place, polygon_area
+from lcmchain.mesh.outline import (
+    BlankShape,
+    check_simple,
+    cross,
+    in_mm,
+    outline_of,
+    polygon_area,
+)
 
 # Relative to the size of the blank: a point this near to the rim lies on it.
 ON_RIM = 1e-6
@@ -197,20 +204,19 @@ class Drawn(NamedTuple):
     left_out: str
 
 
-def contours_of(blank_spec: Any) -> tuple[Contours, str]:
+def contours_of(blank: BlankShape) -> tuple[Contours, str]:
     """Return the contours of a blank, and the scene key that gave its outline.
 
     Raises
     ------
     InputError : as :func:`lcmchain.mesh.outline.outline_of` and :func:`with_cuts`.
     """
-    rim, key = outline_of(blank_spec)
-    cuts = getattr(blank_spec, "cuts", None) or {}
-    if not any(cuts.values()):
+    rim, key = outline_of(blank)
+    if not any(blank.cuts.values()):
         return Contours.of_rim(rim), key
     arrays = {
         name: [np.array(entry, dtype=float).reshape(-1, 2) for entry in entries]
-        for name, entries in cuts.items()
+        for name, entries in blank.cuts.items()
     }
     return with_cuts(rim, **arrays, key="blank"), key
 
@@ -249,7 +255,7 @@ def with_cuts(
     for (one, first), (other, second) in combinations(enumerate(rings[1:]), 2):
         if shapely.Polygon(first).distance(shapely.Polygon(second)) <= ON_RIM * size:
             raise InputError(
-                f"touches or crosses {key}.holes[{one}] near {place(second[0])}; leave some "
+                f"touches or crosses {key}.holes[{one}] near {in_mm(second[0])}; leave some "
                 "elements between them, or make them one hole",
                 key=f"{key}.holes[{other}]",
             )
@@ -271,13 +277,13 @@ def _cut_dart(
     polygon = shapely.Polygon(rim)
     if not shapely.contains_xy(polygon, *apex) or _distance(rim, apex) <= ON_RIM * size:
         raise InputError(
-            f"has its apex, the second point, at {place(apex)}, which is not inside the outline; "
+            f"has its apex, the second point, at {in_mm(apex)}, which is not inside the outline; "
             "give a point of the rim, the apex, and another point of the rim",
             key=key,
         )
     if abs(cross(dart[0] - apex, dart[2] - apex)) <= 1e-9 * size**2:
         raise InputError(
-            f"has no width at {place(apex)}: its three points lie on one line; a cut without a "
+            f"has no width at {in_mm(apex)}: its three points lie on one line; a cut without a "
             "width is an entry of slits",
             key=key,
         )
@@ -319,20 +325,20 @@ def _on_rim(
         near = shapely.LinearRing(rim)
         foot = np.array(near.interpolate(near.project(shapely.Point(point))).coords[0])
         raise InputError(
-            f"does not reach the rim: its point {place(point)} lies inside the outline; move it "
-            f"onto the rim, as to {place(foot)}, or beyond",
+            f"does not reach the rim: its point {in_mm(point)} lies inside the outline; move it "
+            f"onto the rim, as to {in_mm(foot)}, or beyond",
             key=key,
         )
     side = int(np.argmin(np.where(meets, way, np.inf)))
     if (meets & (way > way[side] + ON_RIM * size / np.hypot(*leg))).any():
         raise InputError(
-            f"crosses the rim or another dart between its apex {place(apex)} and {place(point)}; "
+            f"crosses the rim or another dart between its apex {in_mm(apex)} and {in_mm(point)}; "
             "give points of the rim, and leave some elements between darts",
             key=key,
         )
     at = float(np.clip(part[side], 0.0, 1.0))
     if np.hypot(*(point - (start[side] + at * along[side]))) <= 1e-9 * size:
-        return side, point  # its own digits
+        return side, point  # with the digits of the scene
     return side, start[side] + at * along[side]
 
 
@@ -348,16 +354,21 @@ def _checked_hole(rim: np.ndarray, hole: np.ndarray, size: float, key: str) -> n
     if len(hole) < 3:
         raise InputError(f"needs at least three different points, got {len(hole)}", key=key)
     check_simple(hole, key)
-    sheet, own = shapely.Polygon(rim), shapely.Polygon(hole)
-    if not sheet.intersects(own):
+    sheet, opening = shapely.Polygon(rim), shapely.Polygon(hole)
+    if not sheet.intersects(opening):
         raise InputError(
-            f"lies outside the outline, near {place(hole[0])}; holes lie within it", key=key
+            f"lies outside the outline, near {in_mm(hole[0])}; holes lie within it",
+            key=key,
         )
     out = ~shapely.contains_xy(sheet, *hole.T)
-    if out.any() or not sheet.contains(own) or sheet.exterior.distance(own) <= ON_RIM * size:
-        at = hole[int(np.argmax(out))] if out.any() else _nearest(sheet.exterior, own)
+    if (
+        out.any()
+        or not sheet.contains(opening)
+        or sheet.exterior.distance(opening) <= ON_RIM * size
+    ):
+        at = hole[int(np.argmax(out))] if out.any() else _nearest(sheet.exterior, opening)
         raise InputError(
-            f"touches or crosses the outline near {place(at)}; leave some elements between them, "
+            f"touches or crosses the outline near {in_mm(at)}; leave some elements between them, "
             "or cut the hole out of the outline",
             key=key,
         )
@@ -371,15 +382,15 @@ def _checked_slits(
     found: list[np.ndarray] = []
     joined = list(range(len(sheet.rings)))  # contours that slits connect have the same number
     for number, slit in enumerate(slits):
-        own = f"{key}.slits[{number}]"
-        line = _checked_slit(sheet, slit, size, own)
+        entry = f"{key}.slits[{number}]"
+        line = _checked_slit(sheet, slit, size, entry)
         for other, before in enumerate(found):
             gap = shapely.LineString(before).distance(shapely.LineString(line))
             if gap <= ON_RIM * size:
                 raise InputError(
                     f"touches or crosses {key}.slits[{other}]; leave some elements between them, "
                     "or give one line",
-                    key=own,
+                    key=entry,
                 )
         begun = [
             joined[ring]
@@ -392,7 +403,7 @@ def _checked_slits(
                 "divides the blank in two: with both its ends it reaches the rim, or holes that "
                 "are cut open to it; let one end lie inside, or give two blanks as [[plies]] with "
                 "outlines of their own",
-                key=own,
+                key=entry,
             )
         if len(begun) == 2:
             joined = [begun[0] if ring == begun[1] else ring for ring in joined]
@@ -405,28 +416,28 @@ def _checked_slit(sheet: Contours, slit: np.ndarray, size: float, key: str) -> n
     if not np.isfinite(slit).all():
         raise InputError("has a coordinate that is not a finite number", key=key)
     if (np.hypot(*np.diff(slit, axis=0).T) <= 1e-9 * size).any():
-        raise InputError(f"repeats a point near {place(slit[0])}; remove it", key=key)
+        raise InputError(f"repeats a point near {in_mm(slit[0])}; remove it", key=key)
     line = shapely.LineString(slit)
     if not line.is_simple or line.is_ring:
         raise InputError(
-            f"crosses itself or is closed, near {place(slit[0])}; a closed cut is an entry of "
+            f"crosses itself or is closed, near {in_mm(slit[0])}; a closed cut is an entry of "
             "holes",
             key=key,
         )
     there = sheet.polygon.intersection(line)
     parts = [part for part in shapely.get_parts(there) if part.length > ON_RIM * size]
     if not parts:
-        raise InputError(f"lies outside the blank, near {place(slit[0])}", key=key)
+        raise InputError(f"lies outside the blank, near {in_mm(slit[0])}", key=key)
     if len(parts) > 1:
         raise InputError(
-            f"crosses the rim or a hole near {place(np.array(parts[0].coords[-1]))} and comes "
+            f"crosses the rim or a hole near {in_mm(np.array(parts[0].coords[-1]))} and comes "
             "back; give two slits",
             key=key,
         )
     found = shapely.get_coordinates(parts[0])
-    for own in slit:  # their own digits
-        near = np.hypot(*(found - own).T) <= 1e-12 * size
-        found[near] = own
+    for corner in slit:  # with the digits of the scene
+        near = np.hypot(*(found - corner).T) <= 1e-12 * size
+        found[near] = corner
     along = np.hypot(*np.diff(found, axis=0).T)
     found = found[np.append(True, along > 1e-9 * size)]
     lengths = [_touching(ring, found, size) for ring in sheet.rings]

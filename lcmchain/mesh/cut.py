@@ -16,7 +16,14 @@ from types import MappingProxyType
 import numpy as np
 from shapely import contains_xy
 
-from lcmchain.mesh.cells import boundary_edges, cell_heights, corner_sines, piece_count, step_ratio
+from lcmchain.mesh.cells import (
+    boundary_edges,
+    cell_areas,
+    cell_heights,
+    corner_sines,
+    piece_count,
+    step_ratio,
+)
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
 from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
@@ -31,7 +38,7 @@ OUTSIDE, INSIDE, ON_OUTLINE = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class Cells:
+class LatticeCells:
     """Lattice cells inside the outline, in fibre coordinates.
 
     positions : of all nodes [m], shape (nodes, 2): those of the lattice, columns * rows, and where
@@ -54,8 +61,7 @@ class Cells:
     @cached_property
     def area(self) -> float:
         """Area of all cells [m2]."""
-        corner = self.positions[self.faces]
-        return math.fsum(0.5 * cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1]))
+        return math.fsum(cell_areas(self.positions[self.faces]))
 
     @cached_property
     def piece_count(self) -> int:
@@ -90,7 +96,7 @@ def cut_lattice(
     pitch: float,
     corner_nodes: Mapping[int, tuple[int, int]] = MappingProxyType({}),
     reach: float = INSIDE_REACH,
-) -> Cells:
+) -> LatticeCells:
     """Cut the lattice with the contours and keep the cells inside.
 
     Parameters
@@ -116,8 +122,8 @@ def cut_lattice(
         lattice = part_at_seams(contours, lattice, x_lines, y_lines, pitch, corner_nodes)
     cuts, positions = lattice.cuts, lattice.positions
     node_class = np.where(lattice.is_inside, INSIDE, OUTSIDE)
-    node_class[cuts.low[cuts.part < COINCIDENT]] = ON_OUTLINE
-    node_class[cuts.high[cuts.part > 1.0 - COINCIDENT]] = ON_OUTLINE
+    node_class[cuts.low[cuts.share < COINCIDENT]] = ON_OUTLINE
+    node_class[cuts.high[cuts.share > 1.0 - COINCIDENT]] = ON_OUTLINE
     node_class[lattice.on_seams] = ON_OUTLINE
     for vertex in contours.corners():
         point = contours.vertex(vertex)
@@ -143,7 +149,9 @@ def cut_lattice(
         node_class[tips] = ON_OUTLINE
         faces = np.concatenate([faces, tips])
         origin = np.concatenate([origin, lattice.lattice_node[tips[:, 2]]])
-    return Cells(positions, node_class, row_count, pitch, faces, origin, lattice.lattice_node)
+    return LatticeCells(
+        positions, node_class, row_count, pitch, faces, origin, lattice.lattice_node
+    )
 
 
 def _cut_edges(contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray) -> Lattice:
@@ -157,7 +165,7 @@ def _cut_edges(contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray) -> 
     rows, right, x_cuts = _between(column_count, rows, right, x_cuts)
     low = np.concatenate([columns * row_count + upper - 1, (right - 1) * row_count + rows])
     high = np.concatenate([columns * row_count + upper, right * row_count + rows])
-    part = np.concatenate(
+    share = np.concatenate(
         [
             (y_cuts - y_lines[upper - 1]) / (y_lines[upper] - y_lines[upper - 1]),
             (x_cuts - x_lines[right - 1]) / (x_lines[right] - x_lines[right - 1]),
@@ -166,7 +174,7 @@ def _cut_edges(contours: Contours, x_lines: np.ndarray, y_lines: np.ndarray) -> 
     position = np.column_stack(
         [np.concatenate([x_lines[columns], x_cuts]), np.concatenate([y_cuts, y_lines[rows]])]
     )
-    return Lattice.whole(x_lines, y_lines, CutEdges(low, high, part, position), is_inside)
+    return Lattice.whole(x_lines, y_lines, CutEdges(low, high, share, position), is_inside)
 
 
 def _move_onto_outline(
@@ -185,13 +193,13 @@ def _move_onto_outline(
         & (node_class[high] != ON_OUTLINE)
         & (is_inside[low] != is_inside[high])
     )
-    low, high, part, position = (column[open_] for column in cuts)
-    from_inside = np.where(is_inside[low], part, 1.0 - part)
+    low, high, share, position = (column[open_] for column in cuts)
+    from_inside = np.where(is_inside[low], share, 1.0 - share)
     moves_inside = from_inside <= reach
     moved = np.where(moves_inside == is_inside[low], low, high)
     way = np.where(moves_inside, from_inside, 1.0 - from_inside)
-    # Of several cuts that a node could move to it takes the nearest; rounding removes noise from
-    # the ties of a 45 degree edge, which all go to the column's cut, listed first.
+    # A node that could move to several cuts takes the nearest; rounding removes noise from the ties
+    # of a 45 degree edge, which all go to the column's cut, listed first.
     order = np.lexsort((np.arange(len(moved)), np.round(way, 6), moved))
     moved, position = moved[order], position[order]
     first = np.ones(len(moved), dtype=bool)

@@ -113,22 +113,22 @@ def bend_part(elements: np.ndarray, neighbours: np.ndarray, positions: np.ndarra
     part = LARGEST_TURN / np.sqrt(np.maximum(turned, LARGEST_TURN**2))
     shared = shared * height
 
-    own = _products(changes, tangents)
-    tilt = shared - own
+    bent = _products(changes, tangents)
+    tilt = shared - bent
     tilt = _contraction(_matrix_product(tilt, inverse), tilt)
     with np.errstate(invalid="ignore", divide="ignore"):
         agreement = np.maximum(1.0 - tilt / (LARGEST_TILT * height) ** 2, 0.0)
     shared = shared * (part * agreement**2)
-    own[0, 1] = own[1, 0] = 0.5 * (own[0, 1] + own[1, 0])
+    bent[0, 1] = bent[1, 0] = 0.5 * (bent[0, 1] + bent[1, 0])
     raised = _matrix_product(shared, inverse)
     mixed = 0.5 * (raised[0, 1] + raised[1, 0])
-    linear = raised[0, 0] * own[0, 0] + raised[1, 1] * own[1, 1] + 2.0 * mixed * own[0, 1]
+    linear = raised[0, 0] * bent[0, 0] + raised[1, 1] * bent[1, 1] + 2.0 * mixed * bent[0, 1]
     return 2.0 * linear - _contraction(raised, shared)
 
 
 def _to_neighbours(values: np.ndarray, neighbours: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Differences (4, 3, ..., E) of values (3, ..., E) from those of the neighbours, 0 for none."""
-    found = [np.where(own, values[..., k] - values, 0.0) for own, k in zip(there, neighbours)]
+    found = [np.where(known, values[..., k] - values, 0.0) for known, k in zip(there, neighbours)]
     return np.array(found)
 
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import product
-from typing import Any
 
 import numpy as np
 import shapely
 
 from lcmchain.mesh.cells import boundary_edges, cut_nodes
 from lcmchain.mesh.contours import Contours
-from lcmchain.mesh.cut import INSIDE_REACH, ON_OUTLINE, Cells, cut_lattice, nearest_node
+from lcmchain.mesh.cut import INSIDE_REACH, ON_OUTLINE, LatticeCells, cut_lattice, nearest_node
 from lcmchain.mesh.outline import whole_number
 from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
 
@@ -45,7 +44,7 @@ ACCEPTABLE_HEIGHT = 0.25
 ACCEPTABLE_MISSING = 1e-2
 
 
-def best_lattice(contours: Contours, edge_length: float) -> Cells:
+def best_lattice(contours: Contours, edge_length: float) -> LatticeCells:
     """Cells of the best of several positions of the lattice under the contours.
 
     Only a position that the outline's edges do not prescribe is varied. The first ones are
@@ -59,8 +58,8 @@ def best_lattice(contours: Contours, edge_length: float) -> Cells:
             return _cut(contours, lines, pitch, INSIDE_REACH)
 
     area = contours.area
-    best: Any = None
-    best_rank: Any = None
+    best: LatticeCells | None = None
+    best_rank: tuple[float, ...] = ()
     for number, (lines, reach) in enumerate(_variants(contours, edge_length)):
         if number >= USUAL_VARIANTS and best_rank < (False, False, True):
             break  # whole, and the others would hardly be better
@@ -80,10 +79,11 @@ def best_lattice(contours: Contours, edge_length: float) -> Cells:
             best, best_rank = cells, rank
         if not any(rank[:5]) and cells.step_ratio <= GOOD_RATIO:
             break
+    assert best is not None  # there is a variant at least
     return best
 
 
-def _cut(contours: Contours, lines: list[np.ndarray], pitch: float, reach: float) -> Cells:
+def _cut(contours: Contours, lines: list[np.ndarray], pitch: float, reach: float) -> LatticeCells:
     """Cut a lattice, with the best nodes at the corners."""
     x_lines, y_lines = lines
     corner_nodes = _choose_corner_nodes(contours, x_lines, y_lines, pitch, reach)
@@ -268,7 +268,7 @@ def _nodes_near(
 
 
 def _rank_of_corner(
-    cells: Cells, point: np.ndarray, ring: shapely.Geometry, pitch: float
+    cells: LatticeCells, point: np.ndarray, ring: shapely.Geometry, pitch: float
 ) -> tuple[bool, bool, int, float]:
     """How bad the cells around a corner are: not there, inverted, off the outline, slow."""
     if not (cells.positions[np.unique(cells.faces)] == point).all(axis=1).any():
@@ -296,7 +296,7 @@ STRETCH = 256
 UNCUT = 1e-9
 
 
-def number_by_lines(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
+def number_by_lines(cells: LatticeCells) -> tuple[np.ndarray, np.ndarray]:
     """Positions, and faces in the new node numbers.
 
     Lines of the lattice follow each other along the sheet's longer side: a step that goes through

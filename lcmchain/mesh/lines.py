@@ -43,7 +43,7 @@ def lines_along(
 ) -> FibreLines:
     """Return the lines of edges along two fibre families on an undeformed surface.
 
-    Of several edges within :data:`LARGEST_ANGLE` of a fibre the one nearest to it counts.
+    The edge nearest to a fibre counts where several lie within :data:`LARGEST_ANGLE` of it.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def outward(cells: np.ndarray, points: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Return the outward normal of the rim at some nodes, by the length that is theirs, (3,) [m].
+    """Return the outward normal of the rim at some nodes, times their length of the rim, (3,) [m].
 
     Each node of the rim has half of the edges beside it; nodes inside have none.
 
@@ -103,8 +103,8 @@ def outward(cells: np.ndarray, points: np.ndarray, nodes: np.ndarray) -> np.ndar
     on_rim = ~np.isin(first * count + second, second * count + first)
     inside = np.zeros(count, dtype=bool)
     inside[nodes] = True
-    part = 0.5 * (on_rim * inside[first] + on_rim * inside[second])
-    along = part @ (points[second] - points[first])
+    share = 0.5 * (on_rim * inside[first] + on_rim * inside[second])
+    along = share @ (points[second] - points[first])
     return np.array([along[1], -along[0], 0.0])
 
 
@@ -135,7 +135,7 @@ def pieces_along(
             key=f"{key}.count",
         )
     at = np.append(0.0, np.cumsum(steps[:-1]))
-    found = []
+    pieces = []
     for number in range(count):
         middle = (number + 0.5) * length / count
         away = np.abs((at - middle + 0.5 * length) % length - 0.5 * length)
@@ -146,8 +146,8 @@ def pieces_along(
                 "of an element's edge at least",
                 key=f"{key}.width",
             )
-        found.append(np.sort(line[piece]))
-    return found
+        pieces.append(np.sort(line[piece]))
+    return pieces
 
 
 def in_order(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -173,7 +173,7 @@ def in_order(edges: np.ndarray, points: np.ndarray) -> np.ndarray:
 # --- cuts by a plane, or by any level of a function on nodes --------------------------------------
 
 
-class CutEdges(NamedTuple):
+class CutPolygons(NamedTuple):
     """Polygons that are cut, and the ends of their cuts.
 
     polygons : (P,) numbers of the polygons that are crossed twice.
@@ -193,7 +193,7 @@ class CutEdges(NamedTuple):
         return first + self.share[:, None] * (second - first)
 
 
-def cut_edges(polygons: np.ndarray, height: np.ndarray) -> CutEdges:
+def cut_polygons(polygons: np.ndarray, height: np.ndarray) -> CutPolygons:
     """Cut polygons where a height over nodes changes its sign; 0 counts as above.
 
     Parameters
@@ -207,4 +207,4 @@ def cut_edges(polygons: np.ndarray, height: np.ndarray) -> CutEdges:
     edges = np.sort(sides[cut][crossed[cut]], axis=1)
     nodes, number = np.unique(edges, axis=0, return_inverse=True)
     share = height[nodes[:, 0]] / (height[nodes[:, 0]] - height[nodes[:, 1]])
-    return CutEdges(cut, number.reshape(-1, 2), nodes, share)
+    return CutPolygons(cut, number.reshape(-1, 2), nodes, share)

@@ -11,13 +11,49 @@ import numpy as np
 
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.hexahedron import MODES
-from lcmchain.mesh.sheet_mesh import UndeformedFrame
+from lcmchain.mesh.sheet_mesh import UndeformedFrame, spanned
 
-# --- quadrilaterals -------------------------------------------------------------------------------
+
+class FlatMesh(UndeformedFrame):
+    """Mesh of a mid-surface, without a thickness of its own: what all kinds of faces share."""
+
+    has_thickness = False
+    volumes = None
+
+    @property
+    def element_areas(self) -> np.ndarray:
+        """Area of every undeformed element [m²], shape (element_count,)."""
+        return self.areas(self.node_positions)
+
+    def tangents(self, positions: np.ndarray) -> np.ndarray:
+        """Return a1 and a2 at the element centres (..., element_count, 2, 3)."""
+        raise NotImplementedError
+
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def bend_part(self, positions: np.ndarray) -> np.ndarray:
+        """None: zeros (..., element_count)."""
+        return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
+
+    def sides(self) -> dict[str, slice]:
+        return {"": slice(None)}
+
+    def mid_surface(self, positions: np.ndarray) -> np.ndarray:
+        """The nodes themselves."""
+        return positions
+
+    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
+        """Return a1, a2 at the centres, and the unit normal (..., element_count, 3, 3)."""
+        tangents = self.tangents(positions)
+        normal = np.cross(tangents[..., 0, :], tangents[..., 1, :])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
+        return np.concatenate([tangents, normal[..., None, :]], axis=-2)
 
 
 @dataclass(eq=False)
-class MidSurfaceMesh(UndeformedFrame):
+class MidSurfaceMesh(FlatMesh):
     """Mid-surface of an undeformed, flat blank; see :class:`lcmchain.mesh.sheet_mesh.SheetMesh`.
 
     Attributes
@@ -37,9 +73,6 @@ class MidSurfaceMesh(UndeformedFrame):
     fibre_direction_2: np.ndarray
     thickness: float
 
-    has_thickness = False
-    volumes = None
-
     @classmethod
     def of_blank(cls, blank: BlankMesh) -> MidSurfaceMesh:
         """Return the mid-surface of a blank."""
@@ -48,44 +81,12 @@ class MidSurfaceMesh(UndeformedFrame):
             blank.fibre_direction_1, blank.fibre_direction_2, blank.thickness,
         )  # fmt: skip
 
-    @property
-    def node_count(self) -> int:
-        return len(self.node_positions)
-
-    @property
-    def element_count(self) -> int:
-        return len(self.elements)
-
-    @property
-    def element_areas(self) -> np.ndarray:
-        """Initial area of every face [m²], shape (element_count,)."""
-        return self.areas(self.node_positions)
+    def tangents(self, positions: np.ndarray) -> np.ndarray:
+        return 2.0 * MODES[:2, :4] @ positions[..., self.elements, :]
 
     def areas(self, positions: np.ndarray) -> np.ndarray:
-        """Area 4 |a1 × a2| of every face (..., element_count) [m²]."""
-        a = self.base_vectors(positions)
-        return 4.0 * np.linalg.norm(np.cross(a[..., 0, :], a[..., 1, :]), axis=-1)
-
-    def bend_part(self, positions: np.ndarray) -> np.ndarray:
-        return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
-
-    def sides(self) -> dict[str, slice]:
-        return {"": slice(None)}
-
-    def mid_surface(self, positions: np.ndarray) -> np.ndarray:
-        """The nodes themselves."""
-        return positions
-
-    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
-        """Return a1, a2 at the centres, and the unit normal (..., element_count, 3, 3)."""
-        in_plane = 2.0 * MODES[:2, :4] @ positions[..., self.elements, :]
-        normal = np.cross(in_plane[..., 0, :], in_plane[..., 1, :])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
-        return np.concatenate([in_plane, normal[..., None, :]], axis=-2)
-
-
-# --- triangles ------------------------------------------------------------------------------------
+        """Area of every face (..., element_count) [m²]."""
+        return 4.0 * spanned(self.tangents(positions))
 
 
 # Cells whose centre is nearer to a middle axis of the blank than this part of their size lie on it.
@@ -93,7 +94,7 @@ ON_AXIS = 1e-6
 
 
 @dataclass(frozen=True)
-class TriangleMesh(UndeformedFrame):
+class TriangleMesh(FlatMesh):
     """Triangles on the mid-surface of an undeformed, flat blank.
 
     Attributes
@@ -113,52 +114,18 @@ class TriangleMesh(UndeformedFrame):
     thickness: float
     is_cut: bool = False
 
-    has_thickness = False
-    volumes = None
-
-    @property
-    def node_count(self) -> int:
-        return len(self.node_positions)
-
-    @property
-    def element_count(self) -> int:
-        return len(self.elements)
-
-    @property
-    def element_areas(self) -> np.ndarray:
-        """Initial area of every triangle [m²], shape (element_count,)."""
-        return self.areas(self.node_positions)
-
-    def areas(self, positions: np.ndarray) -> np.ndarray:
-        """Area of every triangle (..., element_count) [m²]."""
-        sides = self._sides(positions)
-        return 0.5 * np.linalg.norm(np.cross(sides[..., 0, :], sides[..., 1, :]), axis=-1)
-
-    def bend_part(self, positions: np.ndarray) -> np.ndarray:
-        return np.zeros(np.shape(positions)[:-2] + (self.element_count,))
-
-    def sides(self) -> dict[str, slice]:
-        return {"": slice(None)}
-
     @property
     def sheet_faces(self) -> np.ndarray:
         return self.elements
 
-    def mid_surface(self, positions: np.ndarray) -> np.ndarray:
-        """The nodes themselves."""
-        return positions
-
-    def base_vectors(self, positions: np.ndarray) -> np.ndarray:
-        """Two sides and the unit normal of every triangle (..., element_count, 3, 3)."""
-        sides = self._sides(positions)
-        normal = np.cross(sides[..., 0, :], sides[..., 1, :])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            normal = normal / np.linalg.norm(normal, axis=-1)[..., None]
-        return np.concatenate([sides, normal[..., None, :]], axis=-2)
-
-    def _sides(self, positions: np.ndarray) -> np.ndarray:
+    def tangents(self, positions: np.ndarray) -> np.ndarray:
+        """Two sides of every triangle (..., element_count, 2, 3)."""
         corners = positions[..., self.elements, :]
         return corners[..., 1:, :] - corners[..., :1, :]
+
+    def areas(self, positions: np.ndarray) -> np.ndarray:
+        """Area of every triangle (..., element_count) [m²]."""
+        return 0.5 * spanned(self.tangents(positions))
 
 
 def triangulate(blank: BlankMesh) -> TriangleMesh:

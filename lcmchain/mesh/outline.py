@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 import shapely
@@ -25,24 +26,47 @@ def polygon_area(outline: np.ndarray) -> float:
     return 0.5 * math.fsum(cross(local, np.roll(local, -1, axis=0)))
 
 
-def outline_of(blank_spec: Any) -> tuple[np.ndarray, str]:
+class _File(Protocol):
+    @property
+    def file(self) -> str: ...
+
+
+class BlankShape(Protocol):
+    """Shape of a blank as a scene gives it, see :class:`lcmchain.mesh.blank.Blank`."""
+
+    @property
+    def size(self) -> tuple[float, float] | None:
+        """Width along x and height along y of a rectangle [m]."""
+
+    @property
+    def rim(self) -> Sequence[tuple[float, float]] | None:
+        """Corners of any other outline [m]."""
+
+    @property
+    def drawing(self) -> _File | None:
+        """Drawing that gives the rim; without a rim it was not there to be read."""
+
+    @property
+    def cuts(self) -> Mapping[str, Sequence]:
+        """Corners of each of the holes, darts and slits [m]."""
+
+
+def outline_of(blank: BlankShape) -> tuple[np.ndarray, str]:
     """Vertices of the blank, anticlockwise, and the scene key that gave them."""
-    corners = getattr(blank_spec, "rim", None) or getattr(blank_spec, "outline", None)
-    drawing = getattr(blank_spec, "drawing", None)
+    corners, drawing = blank.rim, blank.drawing
     if corners is None and drawing is not None:
         raise InputError(
             f'there is no drawing "{drawing.file}"; file names are relative to the scene file',
             key="blank.drawing.file",
         )
     if corners is None:
-        width, height = (float(length) for length in blank_spec.size)
+        assert blank.size is not None
+        width, height = (float(length) for length in blank.size)
         if not (math.isfinite(width) and math.isfinite(height) and min(width, height) > 0.0):
             raise InputError(f"must be positive, got {width:g} m x {height:g} m", key="blank.size")
         x, y = 0.5 * width, 0.5 * height
         return np.array([[-x, -y], [x, -y], [x, y], [-x, y]]), "blank.size"
-    key = "blank.outline"
-    if drawing is not None:
-        key = "blank.drawing"
+    key = "blank.outline" if drawing is None else "blank.drawing"
     outline = np.array(corners, dtype=float).reshape(-1, 2)
     if not np.isfinite(outline).all():
         raise InputError("has a coordinate that is not a finite number", key=key)
@@ -67,7 +91,7 @@ def check_simple(outline: np.ndarray, key: str) -> None:
         repeated = int(np.argmin(lengths))
         raise InputError(
             f"point {repeated + 2 if repeated + 1 < vertex_count else 1} repeats the point before "
-            f"it, {place(start[repeated])}; remove one of them",
+            f"it, {in_mm(start[repeated])}; remove one of them",
             key=key,
         )
     # Neighbouring edges share a point; they may only not fold back onto each other.
@@ -81,11 +105,11 @@ def check_simple(outline: np.ndarray, key: str) -> None:
     meeting = touching[(apart > 1) & (apart < vertex_count - 1)]
     first, other = min(meeting.tolist(), default=(vertex_count, vertex_count))
     if fold < vertex_count and fold <= first:
-        raise InputError(f"folds back onto itself at {place(end[fold])}", key=key)
+        raise InputError(f"folds back onto itself at {in_mm(end[fold])}", key=key)
     if first < vertex_count:
         raise InputError(
-            f"intersects itself: the edge from point {first + 1} {place(start[first])} meets "
-            f"the edge from point {other + 1} {place(start[other])}; give the points in the "
+            f"intersects itself: the edge from point {first + 1} {in_mm(start[first])} meets "
+            f"the edge from point {other + 1} {in_mm(start[other])}; give the points in the "
             "order in which one walks around the blank",
             key=key,
         )
@@ -146,6 +170,6 @@ def whole_number(value: float) -> int:
     return math.floor(value + 0.5)
 
 
-def place(point: np.ndarray) -> str:
+def in_mm(point: np.ndarray) -> str:
     """Point of the plane [m] as text in mm, for messages."""
     return f"({1e3 * point[0]:.4g}, {1e3 * point[1]:.4g}) mm"

@@ -11,7 +11,7 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 import shapely
@@ -280,8 +280,8 @@ class Places:
     @property
     def extent(self) -> str:
         """From the least to the largest coordinates of the part, for messages."""
-        own = self.points[self.used]
-        return f"{place_text(own.min(axis=0))} to {place_text(own.max(axis=0))}"
+        points = self.points[self.used]
+        return f"{place_text(points.min(axis=0))} to {place_text(points.max(axis=0))}"
 
     @cached_property
     def loops(self) -> list[np.ndarray]:
@@ -291,11 +291,11 @@ class Places:
         if len(free) == 0:
             return []
         graph = coo_array((np.ones(len(free)), free.T), shape=2 * (len(self.points),))
-        part = connected_components(graph, directed=False)[1][free[:, 0]]
+        loop = connected_components(graph, directed=False)[1][free[:, 0]]
         length = np.linalg.norm(self.points[free[:, 1]] - self.points[free[:, 0]], axis=1)
-        total = np.bincount(part, weights=length)
-        order = [int(p) for p in np.argsort(-total, kind="stable") if total[p] > 0.0]
-        return [free[part == p] for p in order]
+        total = np.bincount(loop, weights=length)
+        order = [int(k) for k in np.argsort(-total, kind="stable") if total[k] > 0.0]
+        return [free[loop == k] for k in order]
 
     def outermost(self) -> np.ndarray:
         """Edges (E, 2) of the boundary around the others: a hole may be longer than it."""
@@ -402,9 +402,9 @@ class Places:
 
     def _nearest_loop(self, point: np.ndarray, key: str) -> np.ndarray:
         rows = [np.unique(loop) for loop in self.loops]
-        found = [cKDTree(self.points[own]).query(point) for own in rows]
-        number = int(np.argmin([away for away, _ in found]))
-        away, at = found[number]
+        nearest = [cKDTree(self.points[of_loop]).query(point) for of_loop in rows]
+        number = int(np.argmin([away for away, _ in nearest]))
+        away, at = nearest[number]
         if away > self.edge_length:
             raise InputError(
                 f"no boundary passes within one edge length ({_rough(self.edge_length)} mm) of "
@@ -468,7 +468,7 @@ def area_shares(where: Where, corners: np.ndarray, key: str) -> np.ndarray:
     return shares
 
 
-def _region(where: Where, key: str) -> Any:
+def _region(where: Where, key: str) -> Polygon:
     """Return the place as a polygon of the plane."""
     if where.box is not None:
         (x0, y0, _), (x1, y1, _) = where.box

@@ -30,7 +30,7 @@ class CutEdges(NamedTuple):
 
     low: np.ndarray  # node before the cut, shape (cuts,)
     high: np.ndarray  # node behind it
-    part: np.ndarray  # of the edge that lies before the cut [1]
+    share: np.ndarray  # of the edge that lies before the cut [1]
     position: np.ndarray  # of the cut [m], shape (cuts, 2)
 
 
@@ -221,14 +221,14 @@ class _Parts:
         start, end = np.concatenate(starts), np.concatenate(ends)
         found = defaultdict(list)
         for axis in (0, 1):
-            own, other = self.lines[axis], self.lines[1 - axis]
+            lines, other = self.lines[axis], self.lines[1 - axis]
             turned = [start[:, ::-1], end[:, ::-1]] if axis else [start, end]
-            for line, upper, value in zip(*line_cuts(own, other, *turned)):
+            for line, upper, value in zip(*line_cuts(lines, other, *turned)):
                 found[axis, int(line), int(upper)].append(float(value))
             # sides along a lattice line begin and end on it
             for point in np.concatenate([start, end]):
-                line = int(np.searchsorted(own, point[axis]))
-                if line < len(own) and own[line] == point[axis]:
+                line = int(np.searchsorted(lines, point[axis]))
+                if line < len(lines) and lines[line] == point[axis]:
                     upper = int(np.searchsorted(other, point[1 - axis]))
                     found[axis, line, upper].append(float(point[1 - axis]))
         return found
@@ -289,11 +289,11 @@ class _Parts:
             return -2
         if cell not in self.of_cell:
             return -1
-        own = self.of_cell[cell]
-        away = [self.pieces[number].shape.distance(point) for number in own]
-        if not own or min(away) > TOUCHING * self.pitch:
+        numbers = self.of_cell[cell]
+        away = [self.pieces[number].shape.distance(point) for number in numbers]
+        if not numbers or min(away) > TOUCHING * self.pitch:
             return -2
-        return own[int(np.argmin(away))]
+        return numbers[int(np.argmin(away))]
 
     # --- nodes ------------------------------------------------------------------------------------
 
@@ -323,10 +323,10 @@ class _Parts:
                         for side, piece in enumerate(stretch.pieces)
                         if piece != -2
                     ]
-                    for own in meeting:
-                        same.add(own)
-                    for own in meeting[1:]:
-                        same.merge(meeting[0], own)
+                    for corner in meeting:
+                        same.add(corner)
+                    for corner in meeting[1:]:
+                        same.merge(meeting[0], corner)
         return self._with_copies(edges, same)
 
     def _with_copies(
@@ -346,8 +346,8 @@ class _Parts:
         on_line = shapely.distance(self.contours.lines, places) < COINCIDENT * self.pitch
         for (node, corners), on_contour in zip(at_node.items(), on_line):
             groups: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
-            for own in corners:
-                groups[same[own]].append(own)
+            for pair in corners:
+                groups[same[pair]].append(pair)
             base = same[(-1, node)] if (-1, node) in same else None
             is_taken = base is not None or self._has_other_cell(node)
             copies[node] = []
@@ -362,8 +362,8 @@ class _Parts:
                     number = len(lattice_node)
                     lattice_node.append(node)
                     is_inside.append(bool(old.is_inside[node]) and there)
-                for own in group:
-                    numbers[own] = number
+                for pair in group:
+                    numbers[pair] = number
                 copies[node].append((number, [self.pieces[p].shape for p, _ in group]))
                 if there and on_contour:
                     on_seams.append(number)
@@ -412,11 +412,11 @@ class _Parts:
     ) -> CutEdges:
         """Return the cut edges, those around cells at seams cut once for each stretch."""
         old = self.lattice.cuts
-        own = {self._ends(edge) for edge in edges}
+        present = {self._ends(edge) for edge in edges}
         kept = np.array(
-            [pair not in own for pair in zip(old.low.tolist(), old.high.tolist())], bool
+            [pair not in present for pair in zip(old.low.tolist(), old.high.tolist())], bool
         )
-        low, high, part, position = [], [], [], []
+        low, high, share, position = [], [], [], []
         for edge, stretches in edges.items():
             axis, line, _ = edge
             at = float(self.lines[axis][line])
@@ -435,21 +435,21 @@ class _Parts:
                     value = self._coordinate(edge, where)
                     low.append(ends[0])
                     high.append(ends[1])
-                    part.append(where)
+                    share.append(where)
                     position.append((at, value) if axis == 0 else (value, at))
         return CutEdges(
             np.concatenate([old.low[kept], np.array(low, dtype=np.int64)]),
             np.concatenate([old.high[kept], np.array(high, dtype=np.int64)]),
-            np.concatenate([old.part[kept], np.array(part, dtype=float)]),
+            np.concatenate([old.share[kept], np.array(share, dtype=float)]),
             np.concatenate([old.position[kept], np.array(position, dtype=float).reshape(-1, 2)]),
         )
 
     def _coordinate(self, edge: tuple[int, int, int], where: float) -> float:
-        """Coordinate of the crossing at a part of an edge, with its own digits."""
+        """Coordinate of the crossing at a share of an edge, with the digits of the contour."""
         along = self.lines[1 - edge[0]]
         low, high = float(along[edge[2] - 1]), float(along[edge[2]])
         value = low + where * (high - low)
-        return min(self.crossings[edge], key=lambda own: abs(own - value))
+        return min(self.crossings[edge], key=lambda crossing: abs(crossing - value))
 
 
 def _long_slits(

@@ -1,6 +1,6 @@
 """What fields, files and solver ask the mesh of a sheet, and the fibres of a deformed one.
 
-:class:`SheetMesh` is what every mesh of a sheet answers, whatever its elements are.
+Every mesh of a sheet answers :class:`SheetMesh`, whatever its elements are.
 """
 
 from __future__ import annotations
@@ -15,20 +15,31 @@ NO_NODE = -1
 
 
 class SheetMesh(Protocol):
-    """Mesh of an undeformed sheet with its fibre directions.
+    """Mesh of an undeformed sheet with its fibre directions."""
 
-    node_positions : (node_count, 3) [m]. elements : (element_count, corner_count) node numbers.
-    fibre_direction_1, fibre_direction_2 : unit vectors (element_count, 3).
-    thickness : initial [m]. has_thickness : whether the elements know their present thickness.
-    element_areas : initial (element_count,) [m²].
-    """
+    @property
+    def node_positions(self) -> np.ndarray:
+        """Positions (node_count, 3) [m]."""
 
-    node_positions: np.ndarray
-    elements: np.ndarray
-    fibre_direction_1: np.ndarray
-    fibre_direction_2: np.ndarray
-    thickness: float
-    has_thickness: bool
+    @property
+    def elements(self) -> np.ndarray:
+        """Node numbers (element_count, corner_count)."""
+
+    @property
+    def fibre_direction_1(self) -> np.ndarray:
+        """Unit vectors (element_count, 3)."""
+
+    @property
+    def fibre_direction_2(self) -> np.ndarray:
+        """Unit vectors (element_count, 3)."""
+
+    @property
+    def thickness(self) -> float:
+        """Of the undeformed sheet [m]."""
+
+    @property
+    def has_thickness(self) -> bool:
+        """Whether the elements know their present thickness."""
 
     @property
     def node_count(self) -> int: ...
@@ -37,7 +48,8 @@ class SheetMesh(Protocol):
     def element_count(self) -> int: ...
 
     @property
-    def element_areas(self) -> np.ndarray: ...
+    def element_areas(self) -> np.ndarray:
+        """Areas of the undeformed elements (element_count,) [m²]."""
 
     @property
     def sheet_faces(self) -> np.ndarray:
@@ -66,7 +78,7 @@ class SheetMesh(Protocol):
 
     @property
     def initial_bend_part(self) -> np.ndarray:
-        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        """As :meth:`bend_part`, of the undeformed mesh, shape (element_count,) [m²]."""
 
     def sides(self) -> dict[str, slice]:
         """Return the nodes that stand for the mid-surface nodes, by the side that they lie on.
@@ -82,15 +94,21 @@ class SheetMesh(Protocol):
         """
 
 
-# --- fibre directions of a deformed sheet, and the shear angle between them -----------------------
-
-
 class UndeformedFrame:
-    """What of a mesh its undeformed positions decide, computed once: every output asks for it."""
+    """Counts of a mesh, and what its undeformed positions decide, computed once."""
 
     node_positions: np.ndarray
+    elements: np.ndarray
     fibre_direction_1: np.ndarray
     fibre_direction_2: np.ndarray
+
+    @property
+    def node_count(self) -> int:
+        return len(self.node_positions)
+
+    @property
+    def element_count(self) -> int:
+        return len(self.elements)
 
     def base_vectors(self, positions: np.ndarray) -> np.ndarray:
         raise NotImplementedError
@@ -111,8 +129,13 @@ class UndeformedFrame:
 
     @cached_property
     def initial_bend_part(self) -> np.ndarray:
-        """That of the undeformed mesh, shape (element_count,) [m²]."""
+        """As :meth:`bend_part`, of the undeformed mesh, shape (element_count,) [m²]."""
         return self.bend_part(self.node_positions)
+
+
+def spanned(vectors: np.ndarray) -> np.ndarray:
+    """Return the area |a1 × a2| (...) [m²] that the first two of vectors (..., 2 or 3, 3) span."""
+    return np.linalg.norm(np.cross(vectors[..., 0, :], vectors[..., 1, :]), axis=-1)
 
 
 def components(base: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -163,5 +186,5 @@ def shear_angles(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
     current = mesh.base_vectors(positions)
     normal = np.cross(current[..., 0, :], current[..., 1, :])
     normal /= np.linalg.norm(normal, axis=-1)[..., None]
-    first, second = (carried(own, current) for own in mesh.fibre_components)
+    first, second = (carried(fibre, current) for fibre in mesh.fibre_components)
     return angle_of_shear(first, second, normal)

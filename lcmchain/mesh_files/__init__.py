@@ -1,4 +1,11 @@
-"""Mesh files of other programs: one reader per format, whoever reads (tool, target, gate, set)."""
+"""Mesh files of other programs: one reader per format, whoever reads (tool, target, gate, set).
+
+    path ─▶ formats (by content) ─▶ read ─▶ readers/… ─▶ FileMesh ─▶ tool, target, gate, set
+
+- ``file_mesh.py``: what a reader takes from a file, before any of it is scaled or checked.
+- ``shapes.py``: types of cells, their corners, edges and faces.
+- ``length_unit.py``: whether a mesh is as much too large or small as with a wrong unit of length.
+"""
 
 from __future__ import annotations
 

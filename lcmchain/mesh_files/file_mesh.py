@@ -1,9 +1,14 @@
-"""What a reader takes from a mesh file, before any of it is chosen, scaled or checked."""
+"""What a reader takes from a mesh file, before any of it is chosen, scaled or checked.
+
+A reader fills a :class:`FileMesh`. The rest is what several readers need: numbers of nodes and
+cells with gaps, cells that are listed twice, elements that are no cells, errors that name the line.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -95,7 +100,7 @@ class Numbering:
         return np.where(self._sorted[at] == wanted, self._order[at], -1)
 
 
-class LeftOut:
+class LeftOutElements:
     """Elements of kinds that are no cells, by the numbers of their nodes: sets of them keep these.
 
     Parameters
@@ -208,6 +213,30 @@ def parts_of_numbers(numbers: np.ndarray, names: Mapping[int, str]) -> dict[str,
     spelt = [names.get(int(number), str(number)) for number in known]
     often = Counter(spelt)
     return {
-        (name if often[name] == 1 else f"{name} {number}"): own
-        for number, name, own in zip(known, spelt, rows, strict=True)
+        (name if often[name] == 1 else f"{name} {number}"): of_number
+        for number, name, of_number in zip(known, spelt, rows, strict=True)
     }
+
+
+@contextmanager
+def only_sound(title: str, path: Path) -> Iterator[None]:
+    """Tell what goes wrong within the block as damage of the file.
+
+    Parameters
+    ----------
+    title : of the format, as ``"MED"``.
+
+    Raises
+    ------
+    InputError : the one of the block, or one with what h5py, netCDF4 or numpy said of the file.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # the libraries raise what the damage makes of the file
+        raise InputError(
+            f"cannot read the mesh: no sound {title} file ({' '.join(str(error).split())[:200]})"
+            "; export it again",
+            file=path,
+        ) from None

@@ -11,7 +11,7 @@ SAME_SIZE = 0.3  # largest logarithm of the ratio of two sizes that are about th
 INCH = 25.4  # inches read as millimetres, or the reverse
 
 
-class Kind(NamedTuple):
+class Compared(NamedTuple):
     """What a mesh is to the sheet, and which sizes of it, in those of the sheet, are usual.
 
     Parameters
@@ -30,13 +30,13 @@ class Kind(NamedTuple):
 
 
 #: A part larger than its sheet is none of it, and one that is far smaller was not formed alone.
-TARGET = Kind("mesh", "sheet", 0.03, 3.0, (0.1, 1.0 / INCH), (0.3, 1.2))
+TARGET = Compared("mesh", "sheet", 0.03, 3.0, (0.1, 1.0 / INCH), (0.3, 1.2))
 #: A tool may be a small pin or a large table: a tenth of the blank is nothing unusual.
-TOOL = Kind("surface", "blank", 1.0 / 30.0, 30.0, (1.0 / INCH, INCH), (0.3, 3.0))
+TOOL = Compared("surface", "blank", 1.0 / 30.0, 30.0, (1.0 / INCH, INCH), (0.3, 3.0))
 
 
 def length_unit_hint(
-    size: float, sheet_size: float, length_unit: str, kind: Kind = TARGET
+    size: float, sheet_size: float, length_unit: str, kind: Compared = TARGET
 ) -> str | None:
     """Return a sentence that doubts the unit of a mesh and proposes another, if there is cause.
 
@@ -49,14 +49,14 @@ def length_unit_hint(
     near = any(abs(math.log(ratio / factor)) < SAME_SIZE for factor in kind.unlike)
     if kind.smallest <= ratio <= kind.largest and not near:
         return None
-    found = f"the {kind.mesh} is {ratio:.3g} times as large as the {kind.sheet}: check length_unit "
+    doubt = f"the {kind.mesh} is {ratio:.3g} times as large as the {kind.sheet}: check length_unit "
     likely = [
         f'"{unit}" ({other:.2g} times)'
         for unit, other in _sizes(ratio, length_unit).items()
         if kind.likely[0] <= other <= kind.likely[1]
     ]
     proposal = f", more likely {' or '.join(likely)}" if likely else ""
-    return f'{found}(now "{length_unit}"{proposal})'
+    return f'{doubt}(now "{length_unit}"{proposal})'
 
 
 def stated_unit_hint(stated: float | None, length_unit: str) -> str | None:

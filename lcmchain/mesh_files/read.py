@@ -11,18 +11,17 @@ from meshio import extension_to_filetypes
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import FileMesh
 from lcmchain.mesh_files.formats import ending_that_disagrees, format_of, known_formats
-from lcmchain.mesh_files.readers.abaqus import read_abaqus
 from lcmchain.mesh_files.readers.by_meshio import read_by_meshio, read_vtu
 from lcmchain.mesh_files.readers.cgns import read_cgns
+from lcmchain.mesh_files.readers.decks.abaqus import read_abaqus
+from lcmchain.mesh_files.readers.decks.lsdyna import read_lsdyna
+from lcmchain.mesh_files.readers.decks.nastran import read_nastran
+from lcmchain.mesh_files.readers.decks.universal import read_universal
 from lcmchain.mesh_files.readers.exodus import read_exodus
+from lcmchain.mesh_files.readers.facets import read_obj, read_ply
 from lcmchain.mesh_files.readers.gmsh import read_gmsh
-from lcmchain.mesh_files.readers.lsdyna import read_lsdyna
 from lcmchain.mesh_files.readers.med import read_med
-from lcmchain.mesh_files.readers.nastran import read_nastran
 from lcmchain.mesh_files.readers.netgen import read_netgen
-from lcmchain.mesh_files.readers.obj import read_obj
-from lcmchain.mesh_files.readers.ply import read_ply
-from lcmchain.mesh_files.readers.universal import read_universal
 
 #: Readers by the name of the format; meshio reads all others.
 READERS: dict[str, Callable[[Path], FileMesh]] = {

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from lcmchain.draping.courses import Joint, joints_of
 from lcmchain.draping.drape import Draped
-from lcmchain.draping.joints import Joint, joints_of
 from lcmchain.mesh.outline import polygon_area
-from lcmchain.pattern.flat import write_line
-from lcmchain.pattern.tables import Table, write_table
+from lcmchain.pattern.tables import Table, write_line, write_table
 from lcmchain.run_files import COURSE_FILE, JOINT_TABLE, PLY_TABLE
 
 
@@ -19,7 +18,7 @@ def write_draped_files(folder: Path, draped: Draped) -> None:
     write_table(folder / PLY_TABLE, ply_table(draped))
     if not draped.courses:
         return
-    write_table(folder / JOINT_TABLE, joint_table(joints_of(draped)))
+    write_table(folder / JOINT_TABLE, joint_table(joints_of(draped.courses)))
     for net in draped.courses:
         assert net.outline is not None
         for end in ("csv", "dxf"):
@@ -38,7 +37,7 @@ def ply_table(draped: Draped) -> Table:
     rows = []
     shear = draped.shear_angle
     for number, net in enumerate(draped.nets):
-        own = shear[draped.course_of_face == number]
+        of_net = shear[draped.course_of_face == number]
         areas = net.mesh.element_areas
         length, width = np.ptp(net.coordinates, axis=0)
         begin = net.start
@@ -53,10 +52,10 @@ def ply_table(draped: Draped) -> Table:
                 **{f"place {axis} [m]": begin.place[k] for k, axis in enumerate("xyz")},
                 **{f"fibre 1 {axis} [1]": begin.direction_1[k] for k, axis in enumerate("xyz")},
                 "shear angle at the seed [rad]": np.arcsin(begin.direction_1 @ begin.direction_2),
-                "mean shear angle [rad]": (own * areas).sum() / areas.sum(),
-                "least shear angle [rad]": own.min(),
-                "largest shear angle [rad]": own.max(),
-                "locked part [1]": areas[np.abs(own) > draped.locking_angle].sum() / areas.sum(),
+                "mean shear angle [rad]": (of_net * areas).sum() / areas.sum(),
+                "least shear angle [rad]": of_net.min(),
+                "largest shear angle [rad]": of_net.max(),
+                "locked part [1]": areas[np.abs(of_net) > draped.locking_angle].sum() / areas.sum(),
             }
         )
     return {heading: np.array([row[heading] for row in rows]) for heading in rows[0]}
@@ -77,15 +76,15 @@ def joint_table(joints: list[Joint]) -> Table:
     def column(values: list[np.ndarray]) -> np.ndarray:
         return np.concatenate([np.empty(0), *values]) if both else np.empty(0)
 
-    counts = [int(own.sum()) for own in known]
+    counts = [int(rows.sum()) for rows in known]
     return {
         "below": np.repeat([joint.below for joint in joints], counts),
         "above": np.repeat([joint.above for joint in joints], counts),
-        "length [m]": column([joint.along[own] for joint, own in both]),
+        "length [m]": column([joint.along[rows] for joint, rows in both]),
         **{
-            f"{axis} [m]": column([joint.places[own, k] for joint, own in both])
+            f"{axis} [m]": column([joint.places[rows, k] for joint, rows in both])
             for k, axis in enumerate("xyz")
         },
-        "gap [m]": column([joint.gap[own] for joint, own in both]),
+        "gap [m]": column([joint.gap[rows] for joint, rows in both]),
         "flat gap [m]": np.repeat([joint.nominal for joint in joints], counts),
     }

@@ -10,7 +10,6 @@ derivative.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,11 +17,12 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mesh.outline import check_simple, polygon_area
+from lcmchain.fields.dataset import SHEET
+from lcmchain.mesh.outline import check_simple
 from lcmchain.pattern.formed import FormedSheet
-from lcmchain.quantities.units import length_factor
+from lcmchain.pipeline import run
+from lcmchain.scene import Scene
 
 #: Corners of a line turn by this at least; between them it is sampled anew.
 CORNER = np.radians(15.0)
@@ -119,56 +119,57 @@ def sampled(line: np.ndarray, spacing: float) -> np.ndarray:
     return np.concatenate(found)
 
 
-# --- lines in files -------------------------------------------------------------------------------
+class SceneForming:
+    """Forms a scene whose blank, or one of whose plies, takes another outline each time.
 
-
-def read_line(path: Path, length_unit: str | None) -> np.ndarray:
-    """Return a closed line (n, 2) [m], anticlockwise, of a DXF drawing or a table of x and y.
-
-    length_unit : of the file; metres, or that of the drawing, where None.
+    Parameters
+    ----------
+    scene : with the blank to begin with. folder : each run has a folder in it.
+    ply : name of the ply; None where the scene has one sheet.
+    progress : as of :func:`lcmchain.pipeline.run`.
 
     Raises
     ------
-    InputError : no such file, no closed line, or one that crosses itself.
+    InputError : there is no such ply, or several and none is named.
     """
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
-    rows = [row for row in csv.reader(text.decode("utf-8", "replace").splitlines()) if row]
-    try:
-        values = [[float(value) for value in row[:2]] for row in rows[1:] if len(row) >= 2]
-        is_table = len(values) == len(rows) - 1 and len(values) >= 3
-    except ValueError:
-        is_table = False
-    if is_table:
-        line = np.array(values) * length_factor(length_unit or "m")
-    else:
-        # Imported where a line is drawn: the library takes longer than others do.
-        from lcmchain.mesh.dxf import read_drawing
 
-        line = read_drawing(
-            path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5
-        ).rim
-    if len(line) > 1 and np.array_equal(line[0], line[-1]):
-        line = line[:-1]
-    check_simple(line, "--net")
-    return line if polygon_area(line) > 0.0 else line[::-1]
+    def __init__(
+        self,
+        scene: Scene,
+        folder: Path,
+        ply: str | None = None,
+        progress: Callable[[float, float, str], None] | None = None,
+    ) -> None:
+        names = [one.name for one in scene.stack]
+        if ply is None and len(names) > 1:
+            raise InputError(f"needs the name of a ply; there is {', '.join(names)}", key="--ply")
+        if ply is not None and ply not in names:
+            raise InputError(f'there is no ply "{ply}"; there is {", ".join(names)}', key="--ply")
+        if scene.layup is not None:
+            raise InputError(
+                "gives plies of one outline; name plies of their own in [[plies]]", key="layup"
+            )
+        self.scene, self.folder, self.progress = scene, folder, progress
+        self.ply = ply if scene.plies else None
+        self.count = 0
+        chosen = scene.stack[0] if ply is None else scene.stack.named(ply)
+        self.edge_length = chosen.blank.edge_length
+        self.center = np.array(chosen.center)
 
+    def __call__(self, outline: np.ndarray | None) -> FormedSheet:
+        """Form the blank with an outline (n, 2) [m], or as the scene says."""
+        scene = self.scene if outline is None else self._with(outline)
+        folder = self.folder / f"round_{self.count}"
+        self.count += 1
+        result = run(scene, folder, progress=self.progress)
+        return FormedSheet.of_result(result.datasets[self.ply or SHEET])
 
-def write_line(path: Path, line: np.ndarray) -> None:
-    """Write a closed line (n, 2) [m]: as DXF in mm where the name ends so, else as CSV in m."""
-    with replacing(path) as temporary:
-        if path.suffix.lower() == ".dxf":
-            # Imported where a line is drawn: the library takes longer than others do.
-            import ezdxf
-
-            document = ezdxf.new()
-            document.units = ezdxf.units.MM
-            document.modelspace().add_lwpolyline((1e3 * line).tolist(), close=True)
-            document.saveas(temporary)
-            return
-        with open(temporary, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(("x [m]", "y [m]"))
-            writer.writerows(line.tolist())
+    def _with(self, outline: np.ndarray) -> Scene:
+        if self.scene.blank is not None:
+            return self.scene.model_copy(update={"blank": self.scene.blank.with_outline(outline)})
+        name = self.ply or self.scene.stack[0].name
+        plies = tuple(
+            one.with_outline(outline - self.center) if one.name == name else one
+            for one in self.scene.plies
+        )
+        return self.scene.model_copy(update={"plies": plies})

@@ -11,7 +11,7 @@ import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.fields.sheet import edge_length, reference_positions, sheet_faces, sheet_positions
-from lcmchain.mesh.outline import place
+from lcmchain.mesh.outline import in_mm
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +75,7 @@ class FormedSheet:
         if outside.max() > 1e-6 * self.edge_length:
             worst = int(np.argmax(outside))
             raise InputError(
-                f"does not lie on the formed sheet: at {place(points[worst])} the sheet is "
+                f"does not lie on the formed sheet: at {in_mm(points[worst])} the sheet is "
                 f"{1e3 * outside[worst]:.3g} mm away in plan; give a larger blank, or another line",
                 key=key,
             )
@@ -85,9 +85,9 @@ class FormedSheet:
         """Return the moves of flat places (k, 2) that move their images in plan by ``moves``."""
         corners = self.triangles[self._flat_tree.nearest(shapely.points(points))]
         found = []
-        for own, move in zip(corners, moves):
-            flat = (self.flat[own[1:]] - self.flat[own[0]]).T
-            plan = (self.formed[own[1:], :2] - self.formed[own[0], :2]).T
+        for nodes, move in zip(corners, moves):
+            flat = (self.flat[nodes[1:]] - self.flat[nodes[0]]).T
+            plan = (self.formed[nodes[1:], :2] - self.formed[nodes[0], :2]).T
             found.append(flat @ np.linalg.lstsq(plan, move, rcond=1e-3)[0])
         return np.array(found)
 

@@ -1,4 +1,8 @@
-"""Tables of a formed sheet along lines: a section with its fields, the rim with its draw-in."""
+"""Tables of a formed sheet along lines, and lines in files.
+
+A section has the fields of the sheet, the rim its draw-in. Lines are flat outlines and wanted rims,
+as DXF or CSV.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +21,10 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     sheet_positions,
 )
-from lcmchain.mesh.lines import cut_edges, in_order
+from lcmchain.mesh.lines import cut_polygons, in_order
+from lcmchain.mesh.outline import check_simple, polygon_area
 from lcmchain.mesh.places import Places
+from lcmchain.quantities.units import length_factor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -58,7 +64,7 @@ def section_table(
     positions, faces = sheet_positions(sheet, frame), sheet_faces(sheet)
     normal = np.asarray(normal, dtype=float) / np.linalg.norm(normal)
     height = (positions - point) @ normal - ASIDE * float(np.ptp(positions, axis=0).max())
-    cut = cut_edges(faces, height)
+    cut = cut_polygons(faces, height)
     if len(cut.polygons) == 0:
         raise InputError("the plane of the section misses the sheet; move its point")
     places = cut.places(positions)
@@ -97,9 +103,9 @@ def _along(
             row = onward[0]
             seen.add(row)
             first, second = pairs[row]
-            own = float(np.linalg.norm(places[second] - places[first]))
-            rows.append((strip, row, length + 0.5 * own))
-            length += own
+            cut = float(np.linalg.norm(places[second] - places[first]))
+            rows.append((strip, row, length + 0.5 * cut))
+            length += cut
             here = int(second if first == here else first)
         strip += len(rows) > begun
     return rows
@@ -151,3 +157,58 @@ def write_table(path: Path, table: Table) -> None:
         writer = csv.writer(file)
         writer.writerow(table)
         writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+
+
+# --- lines in files -------------------------------------------------------------------------------
+
+
+def read_line(path: Path, length_unit: str | None) -> np.ndarray:
+    """Return a closed line (n, 2) [m], anticlockwise, of a DXF drawing or a table of x and y.
+
+    length_unit : of the file; metres, or that of the drawing, where None.
+
+    Raises
+    ------
+    InputError : no such file, no closed line, or one that crosses itself.
+    """
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+    rows = [row for row in csv.reader(text.decode("utf-8", "replace").splitlines()) if row]
+    try:
+        values = [[float(value) for value in row[:2]] for row in rows[1:] if len(row) >= 2]
+        is_table = len(values) == len(rows) - 1 and len(values) >= 3
+    except ValueError:
+        is_table = False
+    if is_table:
+        line = np.array(values) * length_factor(length_unit or "m")
+    else:
+        # Imported where a line is drawn: the library takes longer than others do.
+        from lcmchain.mesh.drawing import read_drawing
+
+        line = read_drawing(
+            path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5
+        ).rim
+    if len(line) > 1 and np.array_equal(line[0], line[-1]):
+        line = line[:-1]
+    check_simple(line, "--net")
+    return line if polygon_area(line) > 0.0 else line[::-1]
+
+
+def write_line(path: Path, line: np.ndarray) -> None:
+    """Write a closed line (n, 2) [m]: as DXF in mm where the name ends so, else as CSV in m."""
+    with replacing(path) as temporary:
+        if path.suffix.lower() == ".dxf":
+            # Imported where a line is drawn: the library takes longer than others do.
+            import ezdxf
+
+            document = ezdxf.new()
+            document.units = ezdxf.units.MM
+            document.modelspace().add_lwpolyline((1e3 * line).tolist(), close=True)
+            document.saveas(temporary)
+            return
+        with open(temporary, "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(("x [m]", "y [m]"))
+            writer.writerows(line.tolist())

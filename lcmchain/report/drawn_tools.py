@@ -17,8 +17,8 @@ from lcmchain.fields.stages import STAGE
 from lcmchain.report.style import SERIES
 from lcmchain.report.view import View, contour_edges, facet_normals
 from lcmchain.scene.stages import at_work
-from lcmchain.tools.drawing import clip_to_box, tool_surface
-from lcmchain.tools.turn import placed
+from lcmchain.tools.table import placed
+from lcmchain.tools.tool import clip_to_box, tool_surface
 
 if TYPE_CHECKING:
     import xarray as xr

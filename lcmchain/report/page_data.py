@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,8 +20,8 @@ from lcmchain.fields.ugrid import TIME
 from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
 from lcmchain.report.view import boundary_edges, hangs_down
 from lcmchain.scene.stages import at_work
-from lcmchain.tools.drawing import tool_surface
-from lcmchain.tools.turn import placement, turning
+from lcmchain.tools.table import rotation_and_shift
+from lcmchain.tools.tool import tool_surface
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -316,12 +315,11 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
 def _places(tool: Tool, travels: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
     """Return rotations (F, 3, 3) of a tool, None without, and shifts (F, 3) [m] in all frames."""
     key = f'tool "{tool.name}"'
-    own = tool.motion.table_entries(tool.local_axes(key=key)[2], math.inf, key=key)
-    columns = ("direction", "turn_axis", "turn_point")
-    table = SimpleNamespace(kind=np.zeros(1), **{name: own[name][None] for name in columns})
-    where = [placement(table, 0, float(travel)) for travel in travels]
+    entries = tool.motion.table_entries(tool.local_axes(key=key)[2], math.inf, key=key)
+    direction, axis, point = (entries[name] for name in ("direction", "turn_axis", "turn_point"))
+    where = [rotation_and_shift(direction, axis, point, float(travel)) for travel in travels]
     shifts = np.array([shift for _, shift in where]).reshape(-1, 3)
-    if not turning(table)[0]:
+    if not axis.any():
         return None, shifts
     return np.array([rotation for rotation, _ in where]), shifts
 

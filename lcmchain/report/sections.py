@@ -18,7 +18,7 @@ from lcmchain.fields.sheet import (
     sheet_positions,
     vector,
 )
-from lcmchain.mesh.lines import cut_edges
+from lcmchain.mesh.lines import cut_polygons
 from lcmchain.report.drawn_tools import RunTools
 from lcmchain.report.renderer import axes_at, label_axes
 from lcmchain.report.style import FAINT, INK, RC, headline, new_figure, save
@@ -88,7 +88,7 @@ def cut_sheet(
     triangles = triangles[triangles[:, 1] != triangles[:, 2]]
     aside = ASIDE * float(np.ptp(middle, axis=0).max())
     height = (middle - plane.point) @ plane.normal - aside
-    cut = cut_edges(triangles, height)
+    cut = cut_polygons(triangles, height)
     lower, upper = cut.places(bottom), cut.places(top)
     strips = _chains(cut.ends)
     found = []

@@ -157,7 +157,7 @@ def _tools_around(
     points: np.ndarray, tools: Sequence[tuple[str, np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
     """Return a box around points [mm], and name, points, triangles, colour of tools in it."""
-    from lcmchain.tools.drawing import clip_to_box
+    from lcmchain.tools.tool import clip_to_box
 
     low, high = points.min(axis=0), points.max(axis=0)
     margin = np.array([0.16, 0.16, 0.34]) * float((high - low)[:2].max())

@@ -50,7 +50,7 @@ from lcmchain.tools.motion import (
     TableMotion,
     TurnMotion,
 )
-from lcmchain.tools.motion.travel import travel_along
+from lcmchain.tools.motion.prescribed import travel_along
 
 #: Straight pieces of a smooth stroke in the course over all stages, which checks and pictures use.
 PIECES = 32

@@ -37,7 +37,7 @@ from lcmchain.effects.interaction import (
     begin_steps,
     scratch_size,
 )
-from lcmchain.elements.blocks import LANES
+from lcmchain.elements.blocks import LANES, PACKS_OF_CHUNK
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
 from lcmchain.elements.solid_shell.together import kinds_of, put_together
@@ -69,7 +69,6 @@ from lcmchain.state import (
     Scratch,
     State,
 )
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 #: What the loop reads and writes: constants of the nodes, state, and scratch arrays.
 Arrays: Any = NamedTuple(  # type: ignore[misc]

@@ -50,7 +50,7 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.motion import GUIDED, guided_load, prescribed_travel
-from lcmchain.tools.turn import lever, turning
+from lcmchain.tools.table import lever, turning
 
 # Steps between two looks at guards, contact search and step size: long enough to cost little,
 # short enough that a fabric under compaction stiffens by less than step_safety allows for.

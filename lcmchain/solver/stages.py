@@ -42,8 +42,8 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.tools.distance import gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE, ROUNDING
 from lcmchain.tools.motion import GUIDED
+from lcmchain.tools.table import OVERLAP_TOLERANCE, ROUNDING
 
 #: How deep a ply may be laid into another one, in parts of the thickness of the thinner one. A
 #: point that is found inside another ply begins without force there; a sheared flange is thicker by

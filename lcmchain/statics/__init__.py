@@ -1,12 +1,15 @@
-"""Quasi-static equilibrium of a sheet: Newton's method, arc length, linear analyses."""
+"""Quasi-static equilibrium of a sheet of the elements that the explicit solver has.
 
-from lcmchain.statics.arc_length import trace
-from lcmchain.statics.control import StaticStep
-from lcmchain.statics.forces import nodal_forces
-from lcmchain.statics.linear import linear_frequencies, linear_solution
-from lcmchain.statics.pair_system import PairSystem
-from lcmchain.statics.problem import DirectorCouples, StaticProblem
-from lcmchain.statics.steps import solve
+    StaticProblem ─────▶ linear: PairSystem ─┬─▶ linear_solution, linear_frequencies
+    (supports, loads)    (unknowns, tangent) └─▶ newton: equilibrium at a load factor
+                                                   └─▶ paths: solve (load steps), trace (arcs)
+
+Files are named after these; ``problem.py`` also has the one call of the compiled element kernel.
+"""
+
+from lcmchain.statics.linear import PairSystem, linear_frequencies, linear_solution
+from lcmchain.statics.paths import StaticStep, solve, trace
+from lcmchain.statics.problem import DirectorCouples, StaticProblem, nodal_forces
 
 __all__ = [
     "DirectorCouples",

@@ -7,6 +7,17 @@ extrapolated linearly over the last correction instead of those of the corrected
 1237). Newton's method of the displacements takes rotations of a stiff sheet for huge membrane
 stresses; this one does not, and converges over load steps that are many times larger. The
 equilibrium found is the same.
+
+Two conditions tell equilibrium, because each alone can deceive: a soft sheet moves far under a
+small force, a stiff one stands still under a large one. Forces: what is out of balance is small
+beside loads and reactions, or no more than the round-off of the internal forces, below which no
+iteration gets. Energy: the last correction did little work beside the first one of the step or,
+where a small step starts within the tolerance already, beside the work of all forces so far or that
+of the round-off.
+
+Round-off is measured. Internal forces do not depend on where the sheet is, so those of the same
+shape moved aside differ by nothing else. In thin sheets it is far above the machine's precision:
+the thickness is a small difference of large coordinates.
 """
 
 from __future__ import annotations
@@ -17,10 +28,154 @@ import numpy as np
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.errors import SimulationError
-from lcmchain.statics.acceleration import SecantAcceleration
-from lcmchain.statics.convergence import Balance, balance, in_equilibrium
-from lcmchain.statics.pair_system import PairSystem
-from lcmchain.statics.problem import StaticProblem
+from lcmchain.statics.linear import PairSystem
+from lcmchain.statics.problem import StaticProblem, nodal_forces
+
+# --- acceleration ---------------------------------------------------------------------------------
+
+
+# Corrections closer to one direction than this (cosine) follow one another on the same line.
+SAME_LINE = 0.95
+# Corrections shrink more slowly than this: Newton's method no longer converges quadratically.
+SLOW = 0.3
+# Corrections below this part of the largest one are close to the end. Before, Newton's method finds
+# its way along the path, and another move may lead it to another one: there only corrections that
+# swing to and fro twice in succession are stopped.
+CLOSE = 0.05
+
+
+class SecantAcceleration:
+    """Acceleration of an iteration that closes in on its end along one direction.
+
+    It remembers the last correction and the move that was made instead of it. The tangent leaves
+    out what elements share with their neighbours (``elements/solid_shell/curvature.py``). Where a
+    sheet folds within a few elements, corrections then change by a constant factor instead of
+    vanishing faster and faster, along nearly the same direction; they may even swing to and fro and
+    grow. Two in succession show that factor, and with it the end.
+
+    Source: Anderson acceleration of depth one (Walker, Ni: SIAM J. Numer. Anal. 49 (2011) 1715).
+    """
+
+    def __init__(self) -> None:
+        self._correction: np.ndarray | None = None
+        self._move: np.ndarray | None = None
+        self._largest = 0.0
+        self._swings = 0
+        self._is_slow = False
+
+    def move(self, correction: np.ndarray) -> np.ndarray:
+        """Return the move to make for a ``correction`` of the unknowns.
+
+        The correction is zero at the end; between its values before and after the last move it is
+        taken to be linear.
+        """
+        move = correction
+        size = float(np.linalg.norm(correction))
+        self._largest = max(self._largest, size)
+        if self._correction is not None and self._move is not None:
+            last_size = float(np.linalg.norm(self._correction))
+            along = float(correction @ self._correction) / last_size
+            self._swings = self._swings + 1 if along < -SAME_LINE * size else 0
+            creeps = along > SAME_LINE * size and size < last_size
+            self._is_slow = self._is_slow or size > SLOW * last_size
+            is_close = size < CLOSE * self._largest
+            if self._is_slow and (is_close and (creeps or self._swings) or self._swings > 1):
+                change = correction - self._correction
+                part = (correction @ change) / (change @ change)
+                move = correction - part * (self._move + change)
+        self._correction, self._move = correction, move
+        return move
+
+
+# --- when an iteration has found equilibrium ------------------------------------------------------
+
+
+# Out-of-balance force over loads and reactions.
+FORCE_TOLERANCE = 1e-6
+# Energy of the last correction over that of the first one of the step.
+ENERGY_TOLERANCE = 1e-8
+# Energy of the last correction over the work of all forces: 1e-6 of the displacements.
+WORK_TOLERANCE = 1e-12
+# Out-of-balance forces up to this multiple of the measured round-off are taken for round-off.
+ROUND_OFF_MARGIN = 2.0
+# By how much of its size the sheet is moved aside to measure it: no round numbers.
+ASIDE = np.array([[0.371], [0.613], [-0.437]])
+
+
+class Balance(NamedTuple):
+    """Forces of a state and what they are measured by.
+
+    residual : (3, node_count) loads less internal forces [N]; at supports less their reaction.
+    free : norm of its part on the unknowns [N]; scale : norms of loads and reactions [N].
+    round_off : norm of the round-off of the internal forces on the unknowns [N].
+    work : of all forces on the displacements, without regard to signs [J].
+    """
+
+    residual: np.ndarray
+    free: float
+    scale: float
+    round_off: float
+    work: float
+
+    @property
+    def relative(self) -> float:
+        """Out-of-balance force over loads and reactions; 0 without any."""
+        return self.free / self.scale if self.scale else 0.0
+
+    @property
+    def within_round_off(self) -> bool:
+        return self.free <= ROUND_OFF_MARGIN * self.round_off
+
+
+def balance(
+    problem: StaticProblem, system: PairSystem, displacement: np.ndarray, factor: float, size: float
+) -> Balance:
+    """Return the balance of forces of a displacement (3, node_count) [m] at a load factor.
+
+    ``size`` [m] is that of the sheet.
+    """
+    external = factor * problem.external_forces(displacement)
+    internal = nodal_forces(problem.model, displacement)
+    aside = nodal_forces(problem.model, displacement + size * ASIDE)
+    residual = external - internal
+    return Balance(
+        residual,
+        free=float(np.linalg.norm(system.reduce(residual))),
+        scale=float(np.linalg.norm(external) + np.linalg.norm(residual)),
+        round_off=float(np.linalg.norm(system.reduce(aside - internal))),
+        work=float(abs(internal * displacement).sum()),
+    )
+
+
+def in_equilibrium(
+    after: Balance,
+    correction: np.ndarray,
+    energy: float,
+    first_energy: float,
+    force_tolerance: float,
+) -> bool:
+    """Tell whether a correction has led to equilibrium.
+
+    Parameters
+    ----------
+    after : balance that it led to.
+    correction : of the unknowns.
+    energy, first_energy : work of the forces that were out of balance on this correction and on the
+        first one of the step [J].
+    force_tolerance : of the out-of-balance force over loads and reactions.
+    """
+    if not (after.free <= force_tolerance * after.scale or after.within_round_off):
+        return False
+    least_energy = ROUND_OFF_MARGIN * after.round_off * np.linalg.norm(correction)
+    return bool(
+        energy <= ENERGY_TOLERANCE * first_energy
+        or energy <= WORK_TOLERANCE * after.work
+        or energy <= least_energy
+    )
+
+
+# --- the iteration --------------------------------------------------------------------------------
+
 
 MAXIMUM_ITERATIONS = 20
 INVERSE_ITERATIONS = 30

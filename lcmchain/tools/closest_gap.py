@@ -1,26 +1,27 @@
 """Closest gap between two tools on their way, where the sheet lies between them.
 
-The search goes downhill: from a place on one tool to the nearest place of the other, from there to
-that of the first, and so on; the ways shrink to a gap that no gap nearby is smaller than, or to
-where the tools meet, from which it follows their overlap to its deepest place. It begins at places
-of the flat sheet, and straight above and below them on both tools: what a tool has in the middle of
-a deep shape is far from the sheet, and near to no place of it.
+The search goes downhill: from a place on one tool to the nearest place of the other one, from there
+to the nearest place of the first, and so on. The ways shrink to the smallest gap nearby, or to
+where the tools meet; from there the search follows their overlap to its deepest place. It begins at
+places of the flat sheet, and straight above and below them on both tools: the middle of a deep tool
+is far from the sheet, and not the nearest to any place of it.
 
-A gap is that of two places on two surfaces, so that none is found that is smaller than those there
-are. Only gaps above or below the blank count. What a tool overlaps the sheet by at the start, and
-which counts as a touch (:mod:`lcmchain.tools.initial_overlap`), adds to its gaps.
+Every gap is measured between two places on the surfaces, so that none is too small. Only gaps above
+or below the blank count. A small overlap of a tool with the sheet at the start, which exerts no
+force (:func:`lcmchain.tools.table.without_initial_overlap`), adds to its gaps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from lcmchain.jit import entry, equation
+from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.tools.distance import gaps, signed_distance
-from lcmchain.tools.motion.travel import prescribed_travel
+from lcmchain.tools.motion.prescribed import prescribed_travel
 from lcmchain.tools.table import ToolTable
 
 #: Places of the sheet at which the search begins, about.
@@ -49,7 +50,7 @@ class ClosestGap(NamedTuple):
     time: float
 
 
-def places_of_sheet(meshes: Sequence[Any]) -> np.ndarray:
+def places_of_sheet(meshes: Sequence[SheetMesh]) -> np.ndarray:
     """Return about ``PLACES`` places (count, 3) [m] all over flat sheets, on their mid-surfaces."""
     places = []
     for mesh in meshes:
@@ -66,7 +67,7 @@ def places_of_sheet(meshes: Sequence[Any]) -> np.ndarray:
     return every[:: len(every) // PLACES or 1]
 
 
-def side_of_sheet(tools: ToolTable, tool: int, meshes: Sequence[Any]) -> int:
+def side_of_sheet(tools: ToolTable, tool: int, meshes: Sequence[SheetMesh]) -> int:
     """Return 1 for a tool above flat sheets at the start, -1 for one below, 0 for one beside."""
     nodes = np.concatenate([mesh.mid_surface(mesh.node_positions) for mesh in meshes])
     thickness = sum(mesh.thickness for mesh in meshes)

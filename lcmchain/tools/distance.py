@@ -3,6 +3,9 @@
 Scalar code without allocation, called for every node near a tool in every step. Positive
 distances are free space, negative ones lie inside the tool; the normal is the gradient of the
 distance, a unit vector that points into free space.
+
+A tool that turns about an axis has its angle for a travel, and its direction is 0. Where no tool of
+a scene turns, the table has no axes, and the code for turns is left out of all that is compiled.
 """
 
 from __future__ import annotations
@@ -15,7 +18,6 @@ from numba import njit
 
 from lcmchain.jit import FLOATING_POINT, equation, inlined_routine
 from lcmchain.tools.profiles import ARC
-from lcmchain.tools.turn import local_axis_at, origin_at
 
 #: Values of ToolTable.kind.
 PLANE = 0
@@ -35,6 +37,64 @@ _UNCOUNTED: Any = {
 
 #: Radius [m] below which a point lies on the axis of revolution (its square is still normal).
 ON_AXIS = 1e-100
+
+
+@equation
+def turned(x, y, z, axis, tool, angle):
+    """Turn a vector about the axis of a tool, a row of ``axis`` (T, 3); 0 leaves it as it is.
+
+    Source: Rodrigues' formula for the rotation of a vector.
+    """
+    ax, ay, az = axis[tool, 0], axis[tool, 1], axis[tool, 2]
+    if ax * ax + ay * ay + az * az == 0.0:
+        return x, y, z
+    c, s = math.cos(angle), math.sin(angle)
+    rest = (1.0 - c) * (ax * x + ay * y + az * z)
+    return (
+        c * x + s * (ay * z - az * y) + rest * ax,
+        c * y + s * (az * x - ax * z) + rest * ay,
+        c * z + s * (ax * y - ay * x) + rest * az,
+    )
+
+
+@equation
+def origin_at(turn_axis, table, tool, travel):
+    """Return the origin of a tool [m] at a travel [m], or at an angle [rad] if it turns.
+
+    turn_axis : of the table, None where no tool turns.
+    """
+    x = table.origin[tool, 0] + travel * table.direction[tool, 0]
+    y = table.origin[tool, 1] + travel * table.direction[tool, 1]
+    z = table.origin[tool, 2] + travel * table.direction[tool, 2]
+    if turn_axis is not None:
+        px, py, pz = table.turn_point[tool, 0], table.turn_point[tool, 1], table.turn_point[tool, 2]
+        x, y, z = turned(x - px, y - py, z - pz, turn_axis, tool, travel)
+        return x + px, y + py, z + pz
+    return x, y, z
+
+
+@equation
+def local_axis_at(turn_axis, table, tool, travel, axis):
+    """Return a local axis of a tool, 0 to 2, in global coordinates at a travel or angle."""
+    x = table.rotation[tool, axis, 0]
+    y = table.rotation[tool, axis, 1]
+    z = table.rotation[tool, axis, 2]
+    if turn_axis is not None:
+        return turned(x, y, z, turn_axis, tool, travel)
+    return x, y, z
+
+
+@equation
+def arm_at(table, tool, x, y, z):
+    """Return the velocity of a tool at a point for an angular velocity of 1 [m]; 0 without a turn.
+
+    The moment of a force about the axis is its product with this vector.
+    """
+    ax, ay, az = table.turn_axis[tool, 0], table.turn_axis[tool, 1], table.turn_axis[tool, 2]
+    rx = x - table.turn_point[tool, 0]
+    ry = y - table.turn_point[tool, 1]
+    rz = z - table.turn_point[tool, 2]
+    return ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
 
 
 @njit(**_UNCOUNTED)

@@ -11,10 +11,16 @@ import math
 from lcmchain.elements.vectors import dot, plus, scaled
 from lcmchain.jit import equation
 from lcmchain.packs import PACK, all_lanes, choose, load, load_three, store, store_three
-from lcmchain.tools.distance import FIELD, ON_AXIS, PLANE, REVOLVED, distance_in_field
-from lcmchain.tools.level_part import BEGIN, DEPTH, END, HEIGHT, NORMAL
-from lcmchain.tools.profiles import ARC
-from lcmchain.tools.turn import local_axis_at, origin_at
+from lcmchain.tools.distance import (
+    FIELD,
+    ON_AXIS,
+    PLANE,
+    REVOLVED,
+    distance_in_field,
+    local_axis_at,
+    origin_at,
+)
+from lcmchain.tools.profiles import ARC, BEGIN, DEPTH, END, HEIGHT, NORMAL
 
 #: Packs of scratch for a distance: a gap and a normal.
 DISTANCE_PACKS = 4

@@ -1,8 +1,11 @@
 """Tool profiles: plane curves of straight lines and tangent arcs that bound a solid.
 
-Every analytic tool but the plane is such a curve in a half-plane (r, z), revolved about the local
-z axis, or in a plane (x, z), extruded along the local y axis. The distance to a line or an arc is
+Every analytic tool but the plane is such a curve in a half-plane (r, z), revolved about the local z
+axis, or in a plane (x, z), extruded along the local y axis. The distance to a line or an arc is
 elementary, so the signed distance of the tool is exact.
+
+Most of a sheet faces the level parts of its tools: holders, dies, moulds. Where nothing else of the
+tool can be nearer, the distance is a difference of heights (:func:`level_part`).
 """
 
 from __future__ import annotations
@@ -207,3 +210,125 @@ def _on_axis(piece, *, at_end: bool) -> bool:
     if isinstance(piece, Line) and (piece.end_infinite if at_end else piece.start_infinite):
         return False
     return (piece.end if at_end else piece.start)[0] == 0.0
+
+
+# Columns of the level part of a profile: it lies between two abscissas [m], at a height [m]; its
+# normal is +1 or -1. A point between the abscissas is nearer to it than to anything else where it
+# is less far from it than from either of them, and than the depth [m].
+BEGIN = 0
+END = 1
+HEIGHT = 2
+NORMAL = 3
+DEPTH = 4
+LEVEL_PART_COLUMNS = 5
+
+#: No level part: ends before it begins.
+NO_LEVEL_PART = (math.inf, -math.inf, 0.0, 1.0, 0.0)
+
+
+def level_part(segments: np.ndarray, corners: np.ndarray, *, revolved: bool) -> np.ndarray:
+    """Return the widest level part of a profile (:data:`LEVEL_PART_COLUMNS`,).
+
+    Parameters
+    ----------
+    segments, corners : of the profile, see :class:`Profile`.
+    revolved : whether abscissas are distances from an axis.
+    """
+    level = (segments[:, 0] == LINE) & (segments[:, 7] == 0.0)
+    heights = segments[level, 2]
+    steep = [_extent(row) for row in segments[~level]] + [(x, x) for x in corners[:, 0]]
+    widest, best = 0.0, np.array(NO_LEVEL_PART)
+    for row in segments[level]:
+        apart = np.abs(heights - row[2])
+        depth = 0.5 * apart[apart > 0.0].min(initial=math.inf)
+        first, last = _extent(row)
+        if revolved:
+            first = max(first, 0.0)
+        for begin, end in [*sorted(steep), (last, math.inf)]:
+            width = min(begin, last) - first
+            if width > widest:
+                # nothing is nearer beyond the axis
+                start = -math.inf if revolved and first == 0.0 else first
+                widest, best = width, np.array((start, min(begin, last), row[2], row[8], depth))
+            first = max(first, end)
+    return best
+
+
+def _extent(segment: np.ndarray) -> tuple[float, float]:
+    """Return the least and the largest abscissa of a line or an arc [m]."""
+    if segment[0] == LINE:
+        x0, tx = segment[1], segment[3]
+        ends = [x0 if tx == 0.0 else x0 + tx * abscissa for abscissa in segment[5:7]]
+        return min(ends), max(ends)
+    x0, radius = segment[1], segment[6]
+    middle, half = math.atan2(segment[4], segment[3]), math.acos(segment[5])
+    angles = [middle - half, middle + half]
+    # where the arc turns back
+    angles += [turn for turn in math.pi * np.arange(-2, 3) if abs(turn - middle) <= half]
+    places = [x0 + radius * math.cos(angle) for angle in angles]
+    return min(places), max(places)
+
+
+# --- Triangles of revolved and extruded profiles, for pictures ----------------------------------
+
+
+#: Triangles around the axis of a revolved tool.
+CIRCUMFERENCE = 72
+
+
+def profile_surface(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangulate a revolved or extruded profile; normals point away from the solid.
+
+    Parameters
+    ----------
+    profile : in the local frame of the tool.
+    reach : length [m] of infinite ends and of an extrusion, to either side.
+
+    Returns
+    -------
+    points [m], shape [point_count, 3], and triangles, shape [triangle_count, 3].
+    """
+    return _revolved(profile, reach) if profile.revolved else _extruded(profile, reach)
+
+
+def _revolved(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    curve = profile.polyline(_polyline_reach(profile, reach))
+    angle = np.linspace(0.0, 2.0 * math.pi, CIRCUMFERENCE, endpoint=False)
+    ring = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    points: np.ndarray = np.empty((len(curve), CIRCUMFERENCE, 3))
+    points[:, :, :2] = curve[:, None, :1] * ring
+    points[:, :, 2] = curve[:, None, 1]
+    points = points.reshape(-1, 3)
+    index = np.arange(len(points)).reshape(len(curve), CIRCUMFERENCE)
+    return points, _strips(index, np.roll(index, -1, axis=1), profile, points)
+
+
+def _extruded(profile: Profile, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    curve = profile.polyline(_polyline_reach(profile, reach))
+    points: np.ndarray = np.empty((len(curve), 2, 3))
+    points[:, :, 0] = curve[:, None, 0]
+    points[:, :, 1] = (-reach, reach)
+    points[:, :, 2] = curve[:, None, 1]
+    index = np.arange(2 * len(curve)).reshape(len(curve), 2)
+    points = points.reshape(-1, 3)
+    return points, _strips(index[:, :1], index[:, 1:], profile, points)
+
+
+def _strips(near, far, profile: Profile, points) -> np.ndarray:
+    """Two triangles between consecutive points of the profile; the normal is on its free side."""
+    if profile.closed:
+        near, far = np.concatenate((near, near[:1])), np.concatenate((far, far[:1]))
+    a, b, c, d = near[:-1].ravel(), near[1:].ravel(), far[1:].ravel(), far[:-1].ravel()
+    # Travel, then the way across, turn by the right-hand rule to the left side of the travel.
+    faces = np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1)))
+    if profile.solid_left:
+        faces = faces[:, ::-1]
+    p, q, r = (points[faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(q - p, r - p), axis=1)
+    return faces[area > 1e-14 * area.max()]  # none at the poles, where a ring is a point
+
+
+def _polyline_reach(profile: Profile, reach: float) -> float:
+    """Length of infinite ends: the box, seen from wherever the given points of the profile lie."""
+    ends = [value for piece in profile.pieces for value in (*piece.start, *piece.end)]
+    return reach + 2.0 * max(map(abs, ends))

@@ -20,9 +20,8 @@ from lcmchain.report.page_data import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance
-from lcmchain.tools.table import build_tool_table
+from lcmchain.tools.table import build_tool_table, placed, placement, turning
 from lcmchain.tools.tool import Tool
-from lcmchain.tools.turn import placed, placement, turning
 
 MS = 1e-3
 FRICTION = 0.3

@@ -7,6 +7,7 @@ import pytest
 
 from lcmchain.elements.blocks import (
     LANES,
+    NODE_CHUNK,
     SAME,
     from_blocks,
     in_blocks,
@@ -18,7 +19,6 @@ from lcmchain.mesh.lattice import STRETCH
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.tools.span_rows import NODE_CHUNK
 
 SCENE = """
 process = { time = "2 ms" }

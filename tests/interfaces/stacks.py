@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from lcmchain.effects.supports import Support, translation
+from lcmchain.elements.blocks import SPAN
 from lcmchain.interfaces.laws.adhesion import AdhesionTable
 from lcmchain.interfaces.laws.coulomb import FrictionTable
 from lcmchain.interfaces.laws.friction_map import FrictionMapTable
@@ -22,7 +23,6 @@ from lcmchain.model import Sheet, assemble_bodies
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import PLY_REFRESH
-from lcmchain.tools.span_rows import SPAN
 from lcmchain.tools.table import build_tool_table
 
 T = 1.004  # thickness of a ply [mm]

@@ -13,6 +13,7 @@ from test_sliding import MU, sled
 
 from lcmchain.check.large_mesh import frame_bytes
 from lcmchain.compilation.references import Reference
+from lcmchain.elements.blocks import SPAN
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.frames import FrameSeries
@@ -32,7 +33,6 @@ from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import draw_plies
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
-from lcmchain.tools.span_rows import SPAN
 
 START, END = 4e-3, 6.5e-3  # between which the sled goes at one speed [s]
 

@@ -9,6 +9,7 @@ import pytest
 from stacks import MU, T, of_points, ply, scene_of, stack
 
 from lcmchain.compilation.references import Reference
+from lcmchain.elements.blocks import SPAN
 from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
@@ -16,7 +17,6 @@ from lcmchain.interfaces.rims import share_over
 from lcmchain.interfaces.rows import AREA, FORCE, HALF, HELD, REACH, SHARE, WAY, row_start
 from lcmchain.interfaces.springs import project, spring_at
 from lcmchain.interfaces.table import Interface
-from lcmchain.tools.span_rows import SPAN
 
 DEPTH = 20e-6  # of one ply in the other [m]
 

@@ -8,6 +8,7 @@ import pytest
 from stacks import ALL, MU, T, of_points, ply, scene_of, stack, thickness
 from test_sliding import sled
 
+from lcmchain.elements.blocks import NODE_CHUNK
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.forces import REFRESHES, TOO_DEEP
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
@@ -17,7 +18,6 @@ from lcmchain.solver import guards
 from lcmchain.solver.interactions.ply_contact import omega2_bound
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import KINETIC
-from lcmchain.tools.span_rows import NODE_CHUNK
 
 
 def assert_identical(a, b):

@@ -20,24 +20,16 @@ from lcmchain.mapping import map_file, read_target
 from lcmchain.mapping.formats.export import prepare_export
 from lcmchain.mapping.structure import SolverOptions, map_and_analyse
 from lcmchain.mapping.structure.mapped_file import open_mapped
-from lcmchain.mesh_files.meshio_names import ADDED, is_known_to_vtk
-from lcmchain.mesh_files.readers import (
-    abaqus_scope,
-    cgns,
-    exodus,
-    gmsh,
-    lsdyna,
-    med,
-    nastran,
-    netgen,
-    universal,
-)
+from lcmchain.mesh_files.readers import cgns, exodus, gmsh, med, netgen
+from lcmchain.mesh_files.readers.decks import abaqus_scope, lsdyna, nastran, universal
 from lcmchain.mesh_files.shapes import (
+    ADDED,
     SOLID_CORNERS,
     SOLID_EDGES,
     SURFACE_CORNERS,
     base_type,
     corner_count,
+    is_known_to_vtk,
 )
 from lcmchain.scene import structure_from_text
 

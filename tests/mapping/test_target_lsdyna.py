@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import read_target
-from lcmchain.mesh_files.readers.lsdyna import _TURNS, solid_of_eight
+from lcmchain.mesh_files.readers.decks.lsdyna import _TURNS, solid_of_eight
 from lcmchain.tools import ToolWarning
 from lcmchain.tools.surfaces.reading import read_triangles
 

@@ -16,7 +16,7 @@ from lcmchain.compilation.references import Reference
 from lcmchain.interfaces.forces import LOST, forces_of_points, list_points
 from lcmchain.interfaces.rows import AREA, FORCE, NORMAL, REACH, SHARE, WEIGHT, row_start
 from lcmchain.interfaces.table import Interface
-from lcmchain.tools.span_rows import SPAN, vector_at
+from lcmchain.elements.blocks import SPAN, vector_at
 
 between = Interface().with_laws(DragTable(coefficient=50.0, fastest=10.0))
 sim = stack([ply("bed", z=0.5 * T), ply("sled", z=1.5 * T)], scene_of(), between)

@@ -29,7 +29,9 @@ STAR = tuple(
 def blank_spec(*, size=None, outline=None, edge_length=5e-3, degrees=0.0, height=0.0):
     return SimpleNamespace(
         size=size,
-        outline=outline,
+        rim=outline,
+        drawing=None,
+        cuts={},
         edge_length=edge_length,
         fibre_angle=math.radians(degrees),
         height=height,

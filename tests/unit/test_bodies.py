@@ -23,7 +23,7 @@ from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import Sheet, assemble_bodies
 from lcmchain.scene import Contact, Element, MembraneShellElement, Process, scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.statics.forces import nodal_forces
+from lcmchain.statics.problem import nodal_forces
 from lcmchain.tools.table import build_tool_table
 
 SCENE = """

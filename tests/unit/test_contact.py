@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lcmchain.elements.blocks import PACKS_OF_CHUNK
 from lcmchain.packs import PACK
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.interactions.contact_forces import find_near_packs
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import EXTERNAL
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 
 GRAVITY = 9.81
 MU = 0.157

@@ -10,7 +10,7 @@ import pytest
 
 from lcmchain.check import check_scene
 from lcmchain.draping import drape, is_drapable
-from lcmchain.draping.lines import fibre_coordinates, net_lines, places_between
+from lcmchain.draping.laid import fibre_coordinates, net_lines, places_between
 from lcmchain.draping.net import PLACED
 from lcmchain.draping.result import draped_datasets
 from lcmchain.draping.start import seed_of

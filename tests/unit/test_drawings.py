@@ -9,7 +9,7 @@ import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.fingerprint import run_fingerprint
-from lcmchain.mesh.dxf import read_drawing
+from lcmchain.mesh.drawing import read_drawing
 from lcmchain.scene import read_scene
 
 SCENE = """

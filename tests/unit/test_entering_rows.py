@@ -10,7 +10,13 @@ from lcmchain import cli
 from lcmchain.coupons.analytic import BiasExtension
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, CouponData
-from lcmchain.identification.entering_rows import Axes, Wish, contact_of, drops_of, entering_rows
+from lcmchain.identification.entering_rows import (
+    Axes,
+    RowChoice,
+    contact_of,
+    drops_of,
+    entering_rows,
+)
 from lcmchain.identification.from_file import (
     identify_compaction_file,
     identify_off_axis_file,
@@ -87,8 +93,8 @@ def assert_same(found, clean, relative=1e-9):
 
 
 def test_told_zeros_slip_and_tear_give_the_parameters_of_the_clean_test(everything, clean):
-    wish = Wish(ZEROS, "slip,tear")
-    found = identify_shear_file(everything, {}, rows=wish)
+    choice = RowChoice(ZEROS, "slip,tear")
+    found = identify_shear_file(everything, {}, rows=choice)
     assert_same(found, clean)
     told = {name: value for name, value, _ in found.inputs}
     assert told["slip"] == "5 mm" and told["zero of force"] == "reads 0.31 N"
@@ -114,8 +120,8 @@ def test_what_is_left_out_is_told_written_and_drawn(everything, tmp_path):
     assert numbers["left_out"][1]["lines"] == [29, 30, 31]
     snippet = (out / "parameters.toml").read_text(encoding="utf-8")
     assert "# left out: 3 rows" in snippet and "# slip: 5 mm (taken off" in snippet
-    wish = Wish(ZEROS, "slip,tear", ("up to 40 mm",))
-    found = identify_shear_file(everything, {}, rows=wish)
+    choice = RowChoice(ZEROS, "slip,tear", ("up to 40 mm",))
+    found = identify_shear_file(everything, {}, rows=choice)
     grey = [points.label for points in found.panels[0].left_out]
     assert grey == [one.why for one in found.left_out]
     assert np.array_equal(found.panels[0].left_out[2].y, found.left_out[2].load)
@@ -131,7 +137,7 @@ def test_contact_is_found_where_the_line_of_the_first_loaded_rows_meets_the_zero
     a, b, h = 2000.0, 3e5, 1e-3
     x = np.arange(30) * h - 9.5 * h
     force = np.where(x > 0.0, a * x + b * x * x, 0.0) + 0.7
-    rows = entering_rows(coupon(x + 0.02, force), PULLED, Wish("contact"), 8)
+    rows = entering_rows(coupon(x + 0.02, force), PULLED, RowChoice("contact"), 8)
     x1, x2 = 0.5 * h, 1.5 * h
     off = b * x1 * x2 / (a + b * (x1 + x2))
     assert rows.data["displacement"] == pytest.approx(x - off, abs=1e-12)
@@ -153,19 +159,19 @@ def test_scatter_ahead_of_the_contact_is_no_load():
     # mean of 40 rows and more, to 4 of its standard errors; a row seen at 5 of its scatter
     assert contact.load == pytest.approx(0.4, abs=4 * 0.05 / np.sqrt(40))
     assert 0.03 < contact.scatter < 0.07
-    rows = entering_rows(coupon(x, force), PULLED, Wish("contact"), 8)
+    rows = entering_rows(coupon(x, force), PULLED, RowChoice("contact"), 8)
     zero = x[0] - rows.data["displacement"][0]
     assert abs(zero) < 2.5 * 5.0 * 0.05 / 800.0
 
 
 def test_a_preload_is_taken_back_to_no_load(tmp_path):
     x = np.linspace(0.002, 0.02, 40)
-    rows = entering_rows(coupon(x - 0.002, 900.0 * x), PULLED, Wish("preload"), 8)
+    rows = entering_rows(coupon(x - 0.002, 900.0 * x), PULLED, RowChoice("preload"), 8)
     assert rows.data["displacement"] == pytest.approx(x, abs=1e-12)
     with pytest.raises(InputError, match="no preload; write --zero contact"):
-        entering_rows(coupon(x, 900.0 * (x - x[0])), PULLED, Wish("preload"), 8)
+        entering_rows(coupon(x, 900.0 * (x - x[0])), PULLED, RowChoice("preload"), 8)
     with pytest.raises(InputError, match="rises from the first row on.*--zero preload"):
-        entering_rows(coupon(x, 900.0 * x), PULLED, Wish("contact"), 8)
+        entering_rows(coupon(x, 900.0 * x), PULLED, RowChoice("contact"), 8)
 
 
 # --- slip and tear --------------------------------------------------------------------------------
@@ -176,7 +182,7 @@ def test_a_slip_is_what_the_machine_travels_from_one_load_to_the_same():
     x = np.linspace(0.0, 0.05, 51)
     back = np.r_[x[:21], x[16:] + 0.00875]
     force = 1000.0 * np.r_[x[:21], x[16:] + 0.0002]
-    rows = entering_rows(coupon(back, force), PULLED, Wish(without="slip"), 8)
+    rows = entering_rows(coupon(back, force), PULLED, RowChoice(without="slip"), 8)
     assert rows.data["displacement"] == pytest.approx(1e-3 * rows.data["force"], abs=1e-12)
     assert dict(line[:2] for line in rows.told)["slip"] == "8.55 mm"
     assert len(rows.left_out[0].lines) == 4
@@ -207,7 +213,7 @@ def test_a_drop_is_told_where_nobody_asks(everything, clean, tmp_path):
 
 def test_what_is_not_there_changes_nothing(tmp_path, clean):
     path = written(tmp_path / "clean.csv", TRAVEL, FORCES)
-    found = identify_shear_file(path, {}, rows=Wish(None, "slip,tear", ("0 mm to 1 m",)))
+    found = identify_shear_file(path, {}, rows=RowChoice(None, "slip,tear", ("0 mm to 1 m",)))
     assert [found[name] for name in NAMES] == [clean[name] for name in NAMES]
     assert found.left_out == () and found.panels[0].left_out == ()
     told = {name: value for name, value, _ in found.inputs}
@@ -221,7 +227,7 @@ def test_a_range_takes_out_exactly_what_was_added(tmp_path, clean):
     travel = np.r_[TRAVEL, TRAVEL[-1] + 1e-3 * np.arange(1, 9)]
     wrong = np.r_[FORCES, FORCES[-1] * np.linspace(1.5, 4.0, 8)]
     path = written(tmp_path / "raw.csv", travel, wrong)
-    found = identify_shear_file(path, {}, rows=Wish(ranges=("up to 42 mm",)))
+    found = identify_shear_file(path, {}, rows=RowChoice(ranges=("up to 42 mm",)))
     assert_same(found, clean)
     assert found.left_out[0].lines.tolist() == list(range(45, 53))
     assert identify_shear_file(path, {}, accept=True)["s4"].value > 2.0 * clean["s4"].value
@@ -230,7 +236,7 @@ def test_a_range_takes_out_exactly_what_was_added(tmp_path, clean):
 def test_each_specimen_has_a_range_of_its_own(tmp_path, clean):
     travel, wrong = np.tile(TRAVEL, 2), np.r_[FORCES, np.where(TRAVEL > 0.0305, 0.1, 1.0) * FORCES]
     path = written(tmp_path / "two.csv", travel, wrong, ["left"] * 43 + ["right"] * 43)
-    found = identify_shear_file(path, {}, rows=Wish(ranges=("right: up to 30 mm",)))
+    found = identify_shear_file(path, {}, rows=RowChoice(ranges=("right: up to 30 mm",)))
     assert_same(found, clean)
     assert found.left_out[0].specimen == "right" and len(found.left_out[0].lines) == 12
 
@@ -245,7 +251,7 @@ def test_a_gap_closes_through_its_range(tmp_path):
     )
     path = written(tmp_path / "raw.csv", t, np.where(t < 0.6 * t[10], 3.0, 1.0) * p, names=names)
     end = f"{0.63 * MD600.thickness!r} m"
-    found = identify_compaction_file(path, {}, rows=Wish("contact", None, (f"up to {end}",)))
+    found = identify_compaction_file(path, {}, rows=RowChoice("contact", None, (f"up to {end}",)))
     for name in ("c0", "c1", "c2"):
         assert found[name].value == pytest.approx(clean[name].value, rel=1e-6)
     assert found.left_out[0].driven.max() < 0.63 * MD600.thickness
@@ -257,26 +263,26 @@ def test_a_gap_closes_through_its_range(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("wish", "said"),
+    ("choice", "said"),
     [
-        (Wish("touch"), '"touch" is no zero; write contact or preload or "force=20 N"'),
-        (Wish("stress=1 MPa"), '"stress" has no zero here; write displacement or force'),
-        (Wish("force=1 mm"), "--zero: .*force"),
-        (Wish(without="creep"), '--without: "creep" is not slip, tear or "slip,tear"'),
+        (RowChoice("touch"), '"touch" is no zero; write contact or preload or "force=20 N"'),
+        (RowChoice("stress=1 MPa"), '"stress" has no zero here; write displacement or force'),
+        (RowChoice("force=1 mm"), "--zero: .*force"),
+        (RowChoice(without="creep"), '--without: "creep" is not slip, tear or "slip,tear"'),
         (
-            Wish(ranges=("2 to 40 mm",)),
+            RowChoice(ranges=("2 to 40 mm",)),
             "--range: in the axis of this test, displacement: .*no unit",
         ),
-        (Wish(ranges=("40 mm",)), '"40 mm" is no range of the displacement'),
-        (Wish(ranges=("up to 40 deg",)), "--range: in the axis of this test"),
-        (Wish(ranges=("B: up to 40 mm",)), 'there is no specimen "B"; there are 1'),
-        (Wish(ranges=("up to 5 mm",)), "6 of 43 rows are left; at least 8 are needed"),
+        (RowChoice(ranges=("40 mm",)), '"40 mm" is no range of the displacement'),
+        (RowChoice(ranges=("up to 40 deg",)), "--range: in the axis of this test"),
+        (RowChoice(ranges=("B: up to 40 mm",)), 'there is no specimen "B"; there are 1'),
+        (RowChoice(ranges=("up to 5 mm",)), "6 of 43 rows are left; at least 8 are needed"),
     ],
 )
-def test_a_wrong_option_is_one_clear_error(tmp_path, wish, said):
+def test_a_wrong_option_is_one_clear_error(tmp_path, choice, said):
     path = written(tmp_path / "clean.csv", TRAVEL, FORCES)
     with pytest.raises(InputError, match=said):
-        identify_shear_file(path, {}, rows=wish)
+        identify_shear_file(path, {}, rows=choice)
 
 
 def test_tests_that_remember_are_taken_from_their_beginning(tmp_path):
@@ -286,9 +292,9 @@ def test_tests_that_remember_are_taken_from_their_beginning(tmp_path):
         + "\n".join(f"{k},{3.0 * k},2.0" for k in range(1, 40)), encoding="utf-8",
     )  # fmt: skip
     with pytest.raises(InputError, match='leaves out the beginning.*write "up to 40 mm"'):
-        identify_viscous_file(path, {}, rows=Wish(ranges=("from 5 mm",)))
+        identify_viscous_file(path, {}, rows=RowChoice(ranges=("from 5 mm",)))
     with pytest.raises(InputError, match="later rows depend on a slip"):
-        identify_viscous_file(path, {}, rows=Wish(without="slip"))
+        identify_viscous_file(path, {}, rows=RowChoice(without="slip"))
 
 
 def test_strips_off_the_axis_take_the_same_options(tmp_path):
@@ -303,6 +309,6 @@ def test_strips_off_the_axis_take_the_same_options(tmp_path):
     path = tmp_path / "strips.csv"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     clean = identify_off_axis_file(OFF_AXIS, {"thickness": "0.6 mm"})
-    found = identify_off_axis_file(path, {"thickness": "0.6 mm"}, rows=Wish(without="tear"))
+    found = identify_off_axis_file(path, {"thickness": "0.6 mm"}, rows=RowChoice(without="tear"))
     assert [p.value for p in found.parameters] == [p.value for p in clean.parameters]
     assert len(found.left_out[0].lines) == 2 and found.left_out[0].specimen

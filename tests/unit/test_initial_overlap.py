@@ -8,7 +8,7 @@ import pytest
 from lcmchain.errors import SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
+from lcmchain.tools.table import OVERLAP_TOLERANCE
 
 THICKNESS = 1.004e-3
 SCENE = """

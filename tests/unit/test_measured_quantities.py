@@ -8,7 +8,7 @@ import pytest
 
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
 from lcmchain.errors import InputError
-from lcmchain.identification.entering_rows import Wish
+from lcmchain.identification.entering_rows import RowChoice
 from lcmchain.identification.from_file import identify_compaction_file, identify_shear_file
 from lcmchain.identification.result import FitRefusedError
 from lcmchain.identification.synthetic import (
@@ -72,7 +72,7 @@ def test_a_measured_angle_is_cut_and_refused_in_its_own_axis(tmp_path):
     path = written(tmp_path / "a.csv", shear_angle__rad=angle, force__N=bent)
     with pytest.raises(FitRefusedError, match=r"rows up to 29\.\d deg \(line 4\d\) describes"):
         identify_shear_file(path, {})
-    found = identify_shear_file(path, {}, rows=Wish(ranges=("up to 30 deg",)))
+    found = identify_shear_file(path, {}, rows=RowChoice(ranges=("up to 30 deg",)))
     assert [found[name].value for name in NAMES] == pytest.approx(MD600_POLYNOMIAL, rel=1e-8)
     assert found.panels[0].left_out[0].x.min() > 30.0
     wrong = written(tmp_path / "w.csv", shear_angle__deg=np.degrees(angle) * 3.0, force__N=force)
@@ -127,7 +127,7 @@ def test_pressure_over_fibre_volume_fraction_gives_the_law_over_thickness(tmp_pa
     found = identify_compaction_file(path, {})
     assert_same(found, usual, ("c0", "c1", "c2", "A", "B"), 1e-7)
     end = 100.0 * SOLID / t[30]
-    cut = identify_compaction_file(path, {}, rows=Wish(ranges=(f"up to {end:.12g} %",)))
+    cut = identify_compaction_file(path, {}, rows=RowChoice(ranges=(f"up to {end:.12g} %",)))
     assert cut.point_count == 31
     grey = cut.panels[0].left_out[0]  # drawn over the thickness
     assert grey.x == pytest.approx(1e3 * t[31:]) and grey.y == pytest.approx(1e-6 * p[31:])

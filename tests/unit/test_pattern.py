@@ -12,9 +12,9 @@ from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
 from lcmchain.mesh.blank import Blank, build_blank
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
-from lcmchain.pattern.flat import flat_pattern, miss, read_line, sampled, trimming_line, write_line
+from lcmchain.pattern.flat import flat_pattern, miss, sampled, trimming_line
 from lcmchain.pattern.formed import FormedSheet
-from lcmchain.pattern.tables import rim_table, section_table
+from lcmchain.pattern.tables import read_line, rim_table, section_table, write_line
 
 RADIUS = 0.1  # of the cylinder that sheets are bent around [m]
 

@@ -12,13 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lcmchain.effects.fibre_bending import FORCE_ROWS, INDEX_ROWS, MIDDLE_ROWS, VECTOR_ROWS
-from lcmchain.elements.blocks import LANES, in_blocks
+from lcmchain.elements.blocks import LANES, NODE_CHUNK, in_blocks
 from lcmchain.elements.solid_shell.kernel import CORNER_ROWS
 from lcmchain.model import PlacedBody, build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.schedule import LEAST_BATCH, build_schedule
 from lcmchain.solver.simulation import Simulation
-from lcmchain.tools.span_rows import NODE_CHUNK
 
 STAGES = ("block", "middle", "vector", "sum", "chunk")
 

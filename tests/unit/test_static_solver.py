@@ -22,10 +22,8 @@ from lcmchain.statics import (
     solve,
     trace,
 )
-from lcmchain.statics.acceleration import SecantAcceleration
-from lcmchain.statics.arc_length import NewtonOnArc
-from lcmchain.statics.convergence import Balance, in_equilibrium
-from lcmchain.statics.newton import Newton
+from lcmchain.statics.newton import Balance, Newton, SecantAcceleration, in_equilibrium
+from lcmchain.statics.paths import NewtonOnArc
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 
+from lcmchain.elements.blocks import NODE_CHUNK
 from lcmchain.elements.family import internal_forces
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -18,7 +19,6 @@ from lcmchain.solver.simulation import (
     Simulation,
 )
 from lcmchain.state import EXTERNAL, LAST_STEP, OMEGA2, PLY_REFRESH, RENEWAL, RENEWED
-from lcmchain.tools.span_rows import NODE_CHUNK
 from lcmchain.verification.random_elements import corner_forces
 
 SHEET = """

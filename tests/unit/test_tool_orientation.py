@@ -13,11 +13,11 @@ import pytest
 from lcmchain.errors import InputError
 from lcmchain.mesh.search import closest_point_of_triangle
 from lcmchain.tools import ToolWarning, build_tool_table, gaps
-from lcmchain.tools.shapes.surface_mesh import SurfaceMesh
-from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
+from lcmchain.tools.shapes import SurfaceMesh
 from lcmchain.tools.surfaces.distance_field import build_distance_field
-from lcmchain.tools.surfaces.orientation import oriented
 from lcmchain.tools.surfaces.reading import read_surface
+from lcmchain.tools.surfaces.solids import oriented
+from lcmchain.tools.surfaces.triangle_distance import closest_places, triangle_tree
 from lcmchain.tools.tool import Tool
 
 FILE = Path("tool.stl")

@@ -9,7 +9,7 @@ import pytest
 
 from lcmchain.errors import InputError
 from lcmchain.tools import ToolWarning, build_tool_table, gaps
-from lcmchain.tools.shapes.surface_mesh import SurfaceMesh
+from lcmchain.tools.shapes import SurfaceMesh
 from lcmchain.tools.surfaces.reading import read_surface
 from lcmchain.tools.tool import Tool
 

@@ -28,13 +28,13 @@ from lcmchain.tools import (
     signed_distance,
     tool_surface,
 )
-from lcmchain.tools.level_part import NONE
 from lcmchain.tools.motion import Motion
 from lcmchain.tools.pack_distance import (
     DISTANCE_PACKS,
     keep_distance,
     pack_distance,
 )
+from lcmchain.tools.profiles import NO_LEVEL_PART
 from lcmchain.tools.shapes import Shape
 from lcmchain.tools.surfaces.distance_field import BAND, build_distance_field
 from lcmchain.tools.surfaces.reading import read_surface
@@ -404,7 +404,7 @@ def test_packs_of_nodes_find_the_same_distance(name, axis):
 @pytest.mark.parametrize("name", ANALYTIC)
 def test_level_parts_change_no_bit(name):
     table = TABLES[name]
-    without = table._replace(level_part=np.array([NONE]))
+    without = table._replace(level_part=np.array([NO_LEVEL_PART]))
     random = np.random.default_rng(11)
     for centre in random.uniform(-0.12, 0.12, (400, 3)):
         centre *= random.choice([0.1, 0.5, 1.0])
@@ -425,7 +425,7 @@ def test_level_parts_of_profiles():
     assert level["puck"] == pytest.approx([-inf, 0.026, 0.0, -1.0, 0.01])
     assert level["ring"] == pytest.approx([0.04, 0.07, 0.0, -1.0, 0.015])
     for name in ("sphere-capped punch", "roller", "cone", "plate"):
-        assert level[name] == list(NONE)
+        assert level[name] == list(NO_LEVEL_PART)
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0)])

@@ -20,9 +20,8 @@ from lcmchain.model import build_model
 from lcmchain.report.start import draw_initial
 from lcmchain.scene import read_scene
 from lcmchain.tools import gaps
-from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
-from lcmchain.tools.surfaces.exact_distance import ExactDistance
-from lcmchain.tools.table import build_tool_table
+from lcmchain.tools.surfaces.triangle_distance import ExactDistance
+from lcmchain.tools.table import OVERLAP_TOLERANCE, build_tool_table
 
 TOP = 1.004  # of the blank [mm]
 SCENE = """

@@ -18,7 +18,7 @@ from lcmchain.materials.law import locking_angles
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_sheet
 from lcmchain.scene import scene_from_text
-from lcmchain.statics.pair_system import PairSystem
+from lcmchain.statics.linear import PairSystem
 from lcmchain.tools.table import build_tool_table
 
 WAVE = 0.04

@@ -16,9 +16,8 @@ from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.mapping import MappingOptions, map_file
 from lcmchain.mesh.cells import boundary_edges
-from lcmchain.pattern.flat import flat_pattern, trimming_line
+from lcmchain.pattern.flat import SceneForming, flat_pattern, trimming_line
 from lcmchain.pattern.formed import FormedSheet
-from lcmchain.pattern.rounds import SceneForming
 from lcmchain.pattern.tables import rim_table, section_table
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene

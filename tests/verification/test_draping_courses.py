@@ -19,7 +19,7 @@ from draped_tools import CYLINDER, DOME, PLATE, PRE_SHEAR, RADIUS, text_of
 
 from lcmchain.check import check_scene
 from lcmchain.draping import drape
-from lcmchain.draping.joints import joints_of
+from lcmchain.draping.courses import joints_of
 from lcmchain.errors import InputError
 from lcmchain.fields import read_forming
 from lcmchain.pattern.tables import rim_table
@@ -47,7 +47,7 @@ def scene(tool, *overrides):
 
 
 def joints(tool, *overrides):
-    return joints_of(drape(scene(tool, *overrides)))
+    return joints_of(drape(scene(tool, *overrides)).courses)
 
 
 @pytest.mark.parametrize("tool", [PLATE, CYLINDER])
@@ -121,7 +121,7 @@ def test_a_course_begins_where_it_is_told():
                'pre_shear="10 deg"'),
     )))  # fmt: skip
     assert np.allclose(placed.courses[1].start.place[:2], [6e-3, 3e-3])
-    (joint,) = joints_of(placed)
+    (joint,) = joints_of(placed.courses)
     assert np.allclose(joint.gap[np.isfinite(joint.gap)], 3e-3, atol=1e-12)
     shear = placed.shear_angle
     assert np.allclose(shear[placed.course_of_face == 0], 0.0, atol=1e-12)
@@ -164,7 +164,7 @@ def test_a_run_tells_courses_and_gaps_in_its_fields(result):
     areas = [(numbers == n).sum() * 4e-6 for n in range(3)]
     assert np.allclose(areas, [60e-3 * w for w in (20e-3, 10e-3, 18e-3)])
     gap = sheet["joint_gap"].values
-    first, second = joints_of(drape(scene(DOME, BUTT)))
+    first, second = joints_of(drape(scene(DOME, BUTT)).courses)
     assert np.allclose(gap[-1, first.nodes], first.gap, equal_nan=True)
     assert np.allclose(gap[-1, second.nodes], second.gap, equal_nan=True)
     assert np.isfinite(gap[0]).sum() == first.nodes.size + second.nodes.size

@@ -1,11 +1,5 @@
 """Closed-form relations of the coupon tests: what a fabric law means for force and shape."""
 
-from lcmchain.coupons.analytic.bending_curve import (
-    MomentCurve,
-    curve_elastica,
-    curve_elastica_with_tip_slope,
-    overhang_by_curve,
-)
 from lcmchain.coupons.analytic.plate_compaction import (
     compaction_pressure,
     compaction_strain,
@@ -23,12 +17,16 @@ from lcmchain.coupons.analytic.pure_shear import (
 from lcmchain.coupons.analytic.strip_bending import (
     CANTILEVER_ANGLE,
     Elastica,
+    MomentCurve,
     bending_length,
     bending_stiffness_from_overhang,
+    curve_elastica,
+    curve_elastica_with_tip_slope,
     elastica,
     elastica_with_tip_slope,
     load_parameter_at_chord_angle,
     overhang_at_angle,
+    overhang_by_curve,
     strip_stiffness,
 )
 

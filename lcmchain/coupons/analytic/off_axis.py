@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,20 +94,20 @@ def affine_tension(material: Material, turn: float, stretch: ArrayLike) -> Affin
     """
     T = axes_turned(turn)
     wanted = np.asarray(stretch, dtype=float)
-    strain, found, reached = np.zeros(6), [], 1.0
+    strain, states, reached = np.zeros(6), [], 1.0
     for end in wanted:
         count = max(1, math.ceil(abs(end - reached) / LONGEST_STEP))
         for now in np.linspace(reached, end, count + 1)[1:]:
             strain[0] = 0.5 * (now**2 - 1.0)
             stress = _relax(material, T, strain, now)
         reached = float(end)
-        found.append((*strain[[1, 3]], stress))
-    E22, g12, S11 = np.array(found).reshape(-1, 3).T
+        states.append((*strain[[1, 3]], stress))
+    E22, g12, S11 = np.array(states).reshape(-1, 3).T
     tilt = g12 / wanted
     return AffineTension(wanted, tilt, np.sqrt(1.0 + 2.0 * E22 - tilt**2), S11)
 
 
-def _relax(material: Any, T: np.ndarray, strain: np.ndarray, stretch: float) -> float:
+def _relax(material: Material, T: np.ndarray, strain: np.ndarray, stretch: float) -> float:
     """Move the free strains to where nothing acts on sides and faces; return S11."""
     free = list(FREE)
     for _ in range(MOST_STEPS):

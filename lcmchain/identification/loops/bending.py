@@ -83,7 +83,7 @@ def identify_bending_loop(
         rows, noise_floor, friction=law.limit is not None
     ))  # fmt: skip
     law = replace(law, fit=replace(law.fit, blocks=judgement.blocks))
-    fit, own = law.fit, law.loops
+    fit, loops = law.fit, law.loops
     parameters = (*_elastic(law), *friction_parameters(law, "friction_moment", "N", "1/m"))
     return accepted(
         Identification(
@@ -103,11 +103,11 @@ def identify_bending_loop(
             correlation=fit.correlation(),
             condition=fit.condition,
             relative_noise=fit.scale,
-            r_squared=coefficient_of_determination(own.measured, fit.model),
-            point_count=len(own.measured),
+            r_squared=coefficient_of_determination(loops.measured, fit.model),
+            point_count=len(loops.measured),
             warnings=(
-                *general_warnings(parameters, fit.residuals, own.data.specimen),
-                *friction_notes(law, own.turn_back, "curvature"),
+                *general_warnings(parameters, fit.residuals, loops.data.specimen),
+                *friction_notes(law, loops.turn_back, "curvature"),
             ),
             panels=loop_panels(law, "curvature [1/m]", "moment per width [mN]", 1.0, 1e3),
             objections=judgement.objections,
@@ -165,8 +165,8 @@ def _elastic(law: LoopFit) -> list[Parameter]:
         names = [f"slope_{k + 1}" for k in range(len(law.elastic))]
     half = law.fit.half_widths()
     return [
-        Parameter(name, float(value), "N*m", float(value - own), float(value + own))
-        for name, value, own in zip(names, law.elastic, half, strict=False)
+        Parameter(name, float(value), "N*m", float(value - margin), float(value + margin))
+        for name, value, margin in zip(names, law.elastic, half, strict=False)
     ]
 
 

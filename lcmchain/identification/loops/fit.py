@@ -43,8 +43,8 @@ TELLS = 0.05
 #: Smallest noise of a measured value relative to the largest one, by default: errors of a loop,
 #: whose values pass through zero, are nearly of one size.
 NOISE_FLOOR = 0.5
-# Friction that bears less than this part of what the elastic law bears, in the mean of the way, is
-# none: the inertia and damping of a test, and of a simulated one, look like it.
+# Friction below this part of the elastic force, in the mean of the way, counts as none: inertia and
+# damping of a test, and of a simulated one, look like it.
 TRACE = 0.02
 #: Chance that scatter adds friction to an elastic law, or a growth to the friction.
 FALSE_PART = 1e-3
@@ -52,7 +52,7 @@ FALSE_PART = 1e-3
 SHORTEST, LONGEST = 1e-3, 3.0
 _LENGTHS = 16  # of a first search
 _PASSES, _HALVINGS = 40, 12
-# What the rows say nothing of stays where it is, by rows of this weight.
+# Rows of this weight hold each parameter of which the data say nothing.
 _STAY = 1e-7
 
 
@@ -146,23 +146,23 @@ def courses(data: CouponData, place: np.ndarray, name: str, parts: int) -> tuple
     order, branches, ways, begins = [], [], [], []
     first = 0
     for number in np.unique(data.specimen):
-        own = np.flatnonzero(data.specimen == number)
-        course = place[own]
+        of_test = np.flatnonzero(data.specimen == number)
+        course = place[of_test]
         largest = float(np.abs(course).max())
         if largest <= 0.0:
-            raise data.wrong(name, own[0], "stays zero in the whole test")
+            raise data.wrong(name, of_test[0], "stays zero in the whole test")
         if abs(course[0]) > BEGINS * largest:
             raise data.wrong(
-                name, own[0],
+                name, of_test[0],
                 "is far from zero at the start of the test, where the friction is not known; begin "
                 "with the first loading, from rest",
             )  # fmt: skip
         branch, smooth = _branches(course, TURNS * largest)
         way = np.diff(smooth, prepend=0.0)
-        order.append(own)
+        order.append(of_test)
         branches.append(first + branch)
         ways.append(np.repeat(way[:, None] / parts, parts, axis=1))
-        begins.append(np.arange(len(own)) == 0)
+        begins.append(np.arange(len(of_test)) == 0)
         first += int(branch.max()) + 1
     return tuple(np.concatenate(found) for found in (order, branches, ways, begins))
 
@@ -170,7 +170,7 @@ def courses(data: CouponData, place: np.ndarray, name: str, parts: int) -> tuple
 def _branches(course: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of the branch of each row, and the course without its scatter."""
     branch = np.zeros(len(course), dtype=int)
-    # of the sign of the start nothing is known before it has gone so far
+    # the sign of the start is not known before the test has gone so far
     away = np.flatnonzero(np.abs(course) > least)
     sense = float(np.sign(course[away[0]]))
     extreme = 0

@@ -155,8 +155,8 @@ def _first_branch(loops: Loops) -> np.ndarray:
     """Return the number of the first branch of each row's test."""
     first = np.zeros(len(loops.branch), dtype=int)
     for number in np.unique(loops.data.specimen):
-        own = loops.data.specimen == number
-        first[own] = loops.branch[own].min()
+        of_test = loops.data.specimen == number
+        first[of_test] = loops.branch[of_test].min()
     return first
 
 

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import meshio
 import numpy as np
 
-import lcmchain.mesh_files.meshio_names  # noqa: F401  (types that meshio misses)
+import lcmchain.mesh_files.shapes  # noqa: F401  (types that meshio misses)
 from lcmchain.errors import InputError, shortened
 from lcmchain.mesh_files.file_mesh import NO_CELLS, NO_IDS, FileMesh
 from lcmchain.mesh_files.formats import FORMATS, known_formats

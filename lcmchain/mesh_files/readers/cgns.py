@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
-from lcmchain.mesh_files.readers.binary_files import only_sound
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, only_sound
 from lcmchain.mesh_files.shapes import edges_across_first
 
 #: Types by their number: meshio's name without nodes in the middle of faces and solids, and nodes.
@@ -43,29 +41,29 @@ def read_cgns(path: Path) -> FileMesh:
         return _Reader(file, path).mesh
 
 
-def _label(group: Any) -> str:
+def _label(group: h5py.Group) -> str:
     label = group.attrs.get("label", b"")
     return label.decode() if isinstance(label, bytes) else str(label)
 
 
-def _children(group: Any, label: str) -> Iterator[tuple[str, Any]]:
+def _children(group: h5py.Group, label: str) -> Iterator[tuple[str, h5py.Group]]:
     for name, child in group.items():
         if isinstance(child, h5py.Group) and _label(child) == label:
             yield name, child
 
 
-def _values(group: Any) -> np.ndarray:
+def _values(group: h5py.Group) -> np.ndarray:
     return np.asarray(group[" data"][()]).ravel()
 
 
-def _text(group: Any) -> str:
+def _text(group: h5py.Group) -> str:
     return bytes(int(letter) % 256 for letter in _values(group)).decode("utf-8", "replace").strip()
 
 
 class _Reader:
     """Mesh of a file as it grows zone by zone."""
 
-    def __init__(self, file: Any, path: Path) -> None:
+    def __init__(self, file: h5py.File, path: Path) -> None:
         self.path = path
         bases = list(_children(file, "CGNSBase_t"))
         if len(bases) != 1:
@@ -96,12 +94,12 @@ class _Reader:
             )
 
     @staticmethod
-    def _unit(base: Any) -> float | None:
+    def _unit(base: h5py.Group) -> float | None:
         for _, units in _children(base, "DimensionalUnits_t"):
             return _METRES.get(_text(units)[32:64].strip())
         return None
 
-    def _points(self, zone: Any, name: str) -> np.ndarray:
+    def _points(self, zone: h5py.Group, name: str) -> np.ndarray:
         kinds = [_text(kind) for _, kind in _children(zone, "ZoneType_t")]
         if kinds != ["Unstructured"]:
             raise InputError(
@@ -114,7 +112,7 @@ class _Reader:
                 return np.stack([*placed, *[0.0 * placed[0]] * (3 - len(placed))], axis=1)
         raise InputError(f"the zone {name} has no coordinates x and y", file=self.path)
 
-    def _take(self, zone: Any, prefix: str, first_node: int, node_count: int) -> None:
+    def _take(self, zone: h5py.Group, prefix: str, first_node: int, node_count: int) -> None:
         """Take sections and boundary conditions of a zone; its elements are numbered from 1."""
         rows_of = np.full(1, -1, dtype=np.int64)
         sections = sorted(
@@ -146,28 +144,36 @@ class _Reader:
             for name, condition in _children(conditions, "BC_t"):
                 self._take_condition(name, condition, rows_of, first_node, node_count)
 
-    def _elements(self, section: Any, count: int) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    def _elements(
+        self, section: h5py.Group, count: int
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         """Type, places in the section and nodes of the elements of a section."""
         kind = int(_values(section)[0])
         listed = _values(section["ElementConnectivity"]).astype(np.int64)
         if kind in _TYPES:
             yield kind, np.arange(count), listed.reshape(count, _TYPES[kind][1])
         elif kind == _MIXED:
-            found: dict[int, list[tuple[int, int]]] = {}
+            by_type: dict[int, list[tuple[int, int]]] = {}
             at = 0
             for ordinal in range(count):
-                own = int(listed[at])
-                found.setdefault(own, []).append((ordinal, at + 1))
-                at += 1 + _TYPES[own][1]
-            for own, places in found.items():
+                of_element = int(listed[at])
+                by_type.setdefault(of_element, []).append((ordinal, at + 1))
+                at += 1 + _TYPES[of_element][1]
+            for of_elements, places in by_type.items():
                 ordinals, begins = np.array(places, dtype=np.int64).T
-                yield own, ordinals, listed[begins[:, None] + np.arange(_TYPES[own][1])]
+                nodes = listed[begins[:, None] + np.arange(_TYPES[of_elements][1])]
+                yield of_elements, ordinals, nodes
         else:
             called = _POLYGONS.get(kind, f"type {kind}")
             self.mesh.left_aside[called] = self.mesh.left_aside.get(called, 0) + count
 
     def _take_condition(
-        self, name: str, condition: Any, rows_of: np.ndarray, first_node: int, node_count: int
+        self,
+        name: str,
+        condition: h5py.Group,
+        rows_of: np.ndarray,
+        first_node: int,
+        node_count: int,
     ) -> None:
         """Keep a boundary condition as a set by the name of its family, else its own."""
         family = next((_text(of) for _, of in _children(condition, "FamilyName_t")), "")
@@ -178,8 +184,8 @@ class _Reader:
         for entry, is_range in (("PointRange", True), ("PointList", False),
                                 ("ElementRange", True), ("ElementList", False)):  # fmt: skip
             if entry in condition:
-                given = _values(condition[entry]).astype(np.int64)
-                numbers.append(np.arange(given[0], given[-1] + 1) if is_range else given)
+                listed = _values(condition[entry]).astype(np.int64)
+                numbers.append(np.arange(listed[0], listed[-1] + 1) if is_range else listed)
                 of_elements |= entry.startswith("Element")
         every = np.concatenate(numbers)
         if of_elements:

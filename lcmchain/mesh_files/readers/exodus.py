@@ -6,13 +6,11 @@ Source: Schoof and Yarberry, "EXODUS II: a finite element data model", SAND92-21
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import netCDF4
 import numpy as np
 
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
-from lcmchain.mesh_files.readers.binary_files import only_sound
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, only_sound
 from lcmchain.mesh_files.shapes import base_type, corner_count, edges_across_first
 
 _SHAPES = {
@@ -53,7 +51,7 @@ def read_exodus(path: Path) -> FileMesh:
         return _mesh(file)
 
 
-def _mesh(file: Any) -> FileMesh:
+def _mesh(file: netCDF4.Dataset) -> FileMesh:
     mesh = FileMesh(_points(file), [])
     kinds: list[str] = []
     rows_of_file: list[np.ndarray] = []  # rows in the mesh of the elements in the file's order
@@ -86,7 +84,7 @@ def _mesh(file: Any) -> FileMesh:
     return mesh
 
 
-def _points(file: Any) -> np.ndarray:
+def _points(file: netCDF4.Dataset) -> np.ndarray:
     if "coord" in file.variables:
         return np.asarray(file.variables["coord"][:], dtype=float).T
     columns = [np.asarray(file.variables[f"coord{axis}"][:], dtype=float)
@@ -94,7 +92,7 @@ def _points(file: Any) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _names(file: Any, names: str, numbers: str, count: int, kind: str) -> list[str]:
+def _names(file: netCDF4.Dataset, names: str, numbers: str, count: int, kind: str) -> list[str]:
     """Names of blocks or sets; the number of one without a name."""
     known = [""] * count
     if names in file.variables:
@@ -112,7 +110,9 @@ def _names(file: Any, names: str, numbers: str, count: int, kind: str) -> list[s
     ]
 
 
-def _map(file: Any, variables: tuple[str, ...], count: int, notes: list[str]) -> np.ndarray:
+def _map(
+    file: netCDF4.Dataset, variables: tuple[str, ...], count: int, notes: list[str]
+) -> np.ndarray:
     """Numbers of elements or nodes, if the file has them."""
     for name in variables:
         if name not in file.variables or name == "elem_map" and "elem_num_map" in file.variables:
@@ -124,7 +124,7 @@ def _map(file: Any, variables: tuple[str, ...], count: int, notes: list[str]) ->
     return NO_IDS
 
 
-def _take_sets(file: Any, mesh: FileMesh, rows: np.ndarray, kinds: list[str]) -> None:
+def _take_sets(file: netCDF4.Dataset, mesh: FileMesh, rows: np.ndarray, kinds: list[str]) -> None:
     """Take node sets, and the nodes of side sets."""
     if "num_node_sets" in file.dimensions:
         count = len(file.dimensions["num_node_sets"])
@@ -143,14 +143,14 @@ def _take_sets(file: Any, mesh: FileMesh, rows: np.ndarray, kinds: list[str]) ->
             continue
         elements = np.asarray(file.variables[f"elem_ss{number}"][:]).astype(np.int64) - 1
         sides = np.asarray(file.variables[f"side_ss{number}"][:]).astype(np.int64) - 1
-        found = [NO_IDS]
+        of_sides = [NO_IDS]
         for element, side in zip(elements, sides, strict=True):
             row = int(rows[element]) if 0 <= element < len(rows) else -1
             corners = _nodes_of_side(mesh, row, int(side), kinds) if row >= 0 else None
             lost += corners is None
-            found.append(NO_IDS if corners is None else corners)
+            of_sides.append(NO_IDS if corners is None else corners)
         free = name if name not in mesh.node_sets else f"{name} (sides)"
-        mesh.node_sets[free] = np.unique(np.concatenate(found))
+        mesh.node_sets[free] = np.unique(np.concatenate(of_sides))
     mesh.notes.append(
         f"side sets are kept as the sets of their nodes: {', '.join(names[:8])}"
         + (f"; {lost} sides of unknown cells are left out" if lost else "")

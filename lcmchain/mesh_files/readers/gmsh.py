@@ -76,9 +76,9 @@ def _mesh(path: Path, read: _Content) -> FileMesh:
     first = 0
     for name, batches in by_name.items():
         nodes = numbering.rows(np.concatenate([batch.nodes for batch in batches]))
-        own = np.concatenate([batch.ids for batch in batches])
+        numbers = np.concatenate([batch.ids for batch in batches])
         if (nodes < 0).any():
-            wrong = own[(nodes < 0).any(axis=1)][0]
+            wrong = numbers[(nodes < 0).any(axis=1)][0]
             raise InputError(f"element {wrong} has a node that the file does not define", file=path)
         entity = np.concatenate([np.full(len(batch.ids), batch.entity) for batch in batches])
         # version 2 writes elements that are in several groups once for each
@@ -94,7 +94,7 @@ def _mesh(path: Path, read: _Content) -> FileMesh:
                 groups.setdefault((batch.kind.dimension, group), []).append(rows)
             at += len(batch.ids)
         mesh.blocks.append((name, nodes[order]))
-        ids.append(own[order])
+        ids.append(numbers[order])
         first += len(order)
     mesh.cell_ids = np.concatenate(ids)
     _fill_groups(mesh, read.names, groups)

@@ -8,14 +8,12 @@ MED numbers the nodes of solids such that the normal of the first face points ou
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh
-from lcmchain.mesh_files.readers.binary_files import only_sound
+from lcmchain.mesh_files.file_mesh import NO_IDS, FileMesh, only_sound
 from lcmchain.mesh_files.shapes import SOLID_EDGES, reordered
 
 _TYPES = {
@@ -43,7 +41,7 @@ def read_med(path: Path) -> FileMesh:
         return _mesh(file, path)
 
 
-def _mesh(file: Any, path: Path) -> FileMesh:
+def _mesh(file: h5py.File, path: Path) -> FileMesh:
     meshes = list(file["ENS_MAA"])
     if len(meshes) != 1:
         raise InputError(
@@ -65,9 +63,9 @@ def _mesh(file: Any, path: Path) -> FileMesh:
         count = int(cells["NOD"].attrs["NBR"])
         nodes = np.asarray(cells["NOD"][()]).reshape(-1, count).T.astype(np.int64) - 1
         mesh.blocks.append((_TYPES[code], nodes[:, _order(_TYPES[code], nodes.shape[1])]))
-        own = _numbers(cells, count, mesh.notes, "cells")
-        numbered &= len(own) == count
-        ids.append(own)
+        numbers = _numbers(cells, count, mesh.notes, "cells")
+        numbered &= len(numbers) == count
+        ids.append(numbers)
         known = np.asarray(cells["FAM"][()]) if "FAM" in cells else np.zeros(count)
         families.append(known.astype(np.int64))
     every = np.concatenate([NO_IDS, *ids])
@@ -86,7 +84,7 @@ def _mesh(file: Any, path: Path) -> FileMesh:
     return mesh
 
 
-def _columns(dataset: Any, dimension: int) -> np.ndarray:
+def _columns(dataset: h5py.Dataset, dimension: int) -> np.ndarray:
     """Table that MED stores column after column."""
     return np.asarray(dataset[()], dtype=float).reshape(dimension, -1).T
 
@@ -99,7 +97,7 @@ def _order(name: str, node_count: int) -> np.ndarray:
     return reordered(name, _TURNED[shape], SOLID_EDGES[shape])
 
 
-def _numbers(group: Any, count: int, notes: list[str], of: str) -> np.ndarray:
+def _numbers(group: h5py.Group, count: int, notes: list[str], of: str) -> np.ndarray:
     """Numbers that the file gives to nodes or cells, if it does."""
     if "NUM" not in group:
         return NO_IDS
@@ -110,7 +108,7 @@ def _numbers(group: Any, count: int, notes: list[str], of: str) -> np.ndarray:
     return numbers
 
 
-def _groups(tree: Any, families: np.ndarray) -> dict[str, np.ndarray]:
+def _groups(tree: h5py.Group, families: np.ndarray) -> dict[str, np.ndarray]:
     """Rows of the members of each group: those of all families that belong to it."""
     members: dict[str, list[np.ndarray]] = {}
     for family in tree.values():

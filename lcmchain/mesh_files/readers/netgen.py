@@ -19,7 +19,7 @@ from meshio.netgen._netgen import (
 
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.file_mesh import FileMesh, Place
-from lcmchain.mesh_files.readers.decks import deck_lines
+from lcmchain.mesh_files.readers.decks.common import deck_lines
 
 #: Columns before the number of nodes of an element: of its boundary or material, and of the count.
 _SURFACES = {"surfaceelements": (1, 4), "surfaceelementsgi": (1, 4), "surfaceelementsuv": (1, 4)}
@@ -46,12 +46,12 @@ def read_netgen(path: Path) -> FileMesh:
         elif section == "points":
             points = np.array([lines.reals() for _ in range(lines.whole())]).reshape(-1, 3)
         elif section in _SURFACES or section in _SOLIDS:
-            found, types = (
+            columns, types = (
                 (_SURFACES[section], netgen2d_to_meshio_type)
                 if section in _SURFACES
                 else (_SOLIDS[section], netgen3d_to_meshio_type)
             )
-            runs.append((section, [lines.element(*found, types) for _ in range(lines.whole())]))
+            runs.append((section, [lines.element(*columns, types) for _ in range(lines.whole())]))
         elif section.startswith("edgesegments"):
             aside += lines.whole()
         elif section in _NAMES:
@@ -122,12 +122,12 @@ class _Sections:
         """Return the coordinates of the next line."""
         text = self.next()
         try:
-            found = [float(word) for word in text.split()]
+            point = [float(word) for word in text.split()]
         except ValueError:
-            found = []
-        if len(found) != 3:
+            point = []
+        if len(point) != 3:
             raise self.error(f'"{text.strip()[:60]}" is no point: x y z')
-        return found
+        return point
 
     def element(self, kind_at: int, count_at: int, types: dict[int, str]) -> tuple[int, list[int]]:
         """Return number of the boundary or material and rows of the nodes of the next line."""
@@ -154,12 +154,12 @@ def _add(
     """Add the elements of a section, and their parts by name."""
     types = netgen3d_to_meshio_type if solid else netgen2d_to_meshio_type
     for count in dict.fromkeys(len(nodes) for _, nodes in elements):
-        own = [(kind, nodes) for kind, nodes in elements if len(nodes) == count]
+        alike = [(kind, nodes) for kind, nodes in elements if len(nodes) == count]
         first = mesh.cell_count
         order = netgen_to_meshio_pmap[types[count]]
-        table = np.array([nodes for _, nodes in own], dtype=np.int64)[:, order]
+        table = np.array([nodes for _, nodes in alike], dtype=np.int64)[:, order]
         mesh.blocks.append((types[count], table))
-        kinds = np.array([kind for kind, _ in own])
+        kinds = np.array([kind for kind, _ in alike])
         for number in np.unique(kinds).tolist():
             name = names.get(number) or f"{usual} {number}"
             rows = first + np.flatnonzero(kinds == number)

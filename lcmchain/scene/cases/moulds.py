@@ -27,9 +27,9 @@ from lcmchain.scene.cases.sheet import (
     sheet_text,
     wrapped_comment,
 )
-from lcmchain.tools.surfaces.closest import TriangleTree, closest_places, triangle_tree
 from lcmchain.tools.surfaces.reading import read_surface
 from lcmchain.tools.surfaces.surface import Surface
+from lcmchain.tools.surfaces.triangle_distance import TriangleTree, closest_places, triangle_tree
 
 # --- how they close, from their surfaces alone ----------------------------------------------------
 

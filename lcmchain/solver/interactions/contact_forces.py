@@ -20,6 +20,7 @@ from lcmchain.effects.contact_depth import offset_change
 from lcmchain.effects.friction import friction, friction_loss
 from lcmchain.effects.gravity import weights_from
 from lcmchain.effects.interaction import add_to_nodes, scratch_size
+from lcmchain.elements.blocks import PACKS_OF_CHUNK
 from lcmchain.elements.vectors import dot, plus, products, scaled
 from lcmchain.jit import equation, kernel, span_routine, standalone_span_routine, uncounted_routine
 from lcmchain.packs import (
@@ -37,15 +38,14 @@ from lcmchain.packs import (
     sum_of,
 )
 from lcmchain.state import CONTACT, CONTACT_DAMPING, EXTERNAL, FRICTION, TOOL_COLUMNS, WORK_COLUMNS
+from lcmchain.tools.distance import arm_at
 from lcmchain.tools.pack_distance import (
     DISTANCE_PACKS,
     keep_distance,
     kept_distance,
     pack_distance,
 )
-from lcmchain.tools.span_rows import PACKS_OF_CHUNK
 from lcmchain.tools.table import ToolTable
-from lcmchain.tools.turn import arm_at
 
 
 @kernel

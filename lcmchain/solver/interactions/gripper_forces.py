@@ -12,7 +12,7 @@ from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, boun
 from lcmchain.jit import equation, routine, uncounted_routine
 from lcmchain.model import Model
 from lcmchain.state import EXTERNAL, PACE, TIME, State
-from lcmchain.tools.motion.smooth_step import smooth_step
+from lcmchain.tools.motion.base import smooth_step
 
 
 @implements(before_nodes, GripperTable)

@@ -12,6 +12,7 @@ from lcmchain.effects.interaction import (
     begin_steps,
     bound,
 )
+from lcmchain.elements.blocks import SPAN
 from lcmchain.interfaces.forces import STEPS_LEFT, add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import INTERFACE, STIFFNESS, WEIGHT, row_start
@@ -19,7 +20,6 @@ from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.jit import entry, equation, standalone_routine
 from lcmchain.model import Model
 from lcmchain.state import CONTACT, CONTACT_DAMPING, FRICTION, PLY_REFRESH, State
-from lcmchain.tools.span_rows import SPAN
 
 
 @implements(begin_steps, PlyContact)

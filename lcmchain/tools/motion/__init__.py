@@ -1,8 +1,8 @@
 """Motion of rigid tools: at rest, prescribed along a direction or about an axis, or guided.
 
-A motion is the scene table of its file, with the methods of :class:`ToolMotion`. It is registered
-by its place in ``Motion``; one that is neither a stroke, a table nor guided also has its compiled
-law called in ``travel.py``.
+A motion is a scene table with the methods of :class:`ToolMotion`. It is registered by its place in
+``Motion``. One whose travel is given over time, but neither as a stroke nor as a table, also has
+its compiled law called in :func:`prescribed_travel`.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from lcmchain.tools.motion.base import (
     GUIDED,
     PRESCRIBED,
     STANDARD_GRAVITY,
+    FixedMotion,
     ToolMotion,
+    smooth_step,
 )
-from lcmchain.tools.motion.fixed import FixedMotion
 from lcmchain.tools.motion.guided import GuidedMotion, guided_load, way_to_stop
-from lcmchain.tools.motion.smooth_step import smooth_step
-from lcmchain.tools.motion.stroke import StrokeMotion
-from lcmchain.tools.motion.table import TableMotion
-from lcmchain.tools.motion.travel import prescribed_travel
-from lcmchain.tools.motion.turn import TurnMotion
+from lcmchain.tools.motion.prescribed import (
+    StrokeMotion,
+    TableMotion,
+    TurnMotion,
+    prescribed_travel,
+)
 
 Motion = Annotated[
     FixedMotion | StrokeMotion | TableMotion | TurnMotion | GuidedMotion,

@@ -1,14 +1,15 @@
-"""What every motion offers to the tool table, to checks and to the FMU; the kinds of motion."""
+"""What every motion offers to the tool table, to checks and to the FMU; a tool at rest."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import wrong
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -117,3 +118,25 @@ def unit_direction(direction: Sequence[float] | np.ndarray, key: str) -> np.ndar
             key=f"{key}.direction",
         )
     return vector / length
+
+
+class FixedMotion(ToolMotion):
+    """The tool does not move."""
+
+    kind: ClassVar[int] = FIXED
+
+    type: Literal["fixed"] = "fixed"
+
+    def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
+        return self.columns(np.asarray(axis, dtype=float))
+
+
+@equation
+def smooth_step(s):
+    """Quintic smoothstep 10 s^3 - 15 s^4 + 6 s^5 and its derivative, 0 <= s <= 1.
+
+    Velocity and acceleration vanish at both ends, so that a stroke starts and stops without a jerk.
+    """
+    value = s * s * s * (10.0 + s * (-15.0 + 6.0 * s))
+    slope = 30.0 * s * s * (1.0 - s) * (1.0 - s)
+    return value, slope

@@ -28,9 +28,9 @@ from lcmchain.tools.motion.base import (
     GUIDED,
     STANDARD_GRAVITY,
     ToolMotion,
+    smooth_step,
     unit_direction,
 )
-from lcmchain.tools.motion.smooth_step import smooth_step
 
 # Of a process without a time: over which the load of a tool comes on.
 RAMP_PART = 0.05

@@ -13,9 +13,14 @@ import numpy as np
 from scipy import ndimage
 
 from lcmchain.errors import InputError
-from lcmchain.tools.surfaces.closest import closest_places, triangle_tree
-from lcmchain.tools.surfaces.narrow_band import CRACK, feature_normals, narrow_band
-from lcmchain.tools.surfaces.surface import Surface, place_text, warn
+from lcmchain.tools.surfaces.surface import Surface, in_metres, warn
+from lcmchain.tools.surfaces.triangle_distance import (
+    CRACK,
+    closest_places,
+    feature_normals,
+    narrow_band,
+    triangle_tree,
+)
 
 #: Half-width of the band with exact distances, in grid spacings. The interpolated part is what is
 #: left after the stencil's reach (one node in each direction): penetrations up to 3 spacings.
@@ -169,7 +174,7 @@ def _check_jumps(distance, valid, origin, h, surface: Surface) -> None:
             ahead_of_node = node + np.eye(3, dtype=int)[axis]
             _refuse_overlap(surface, origin + h * np.array([node, ahead_of_node]), h)
             raise InputError(
-                f"inside and outside are confused near {place_text(origin + node * h)} (and at "
+                f"inside and outside are confused near {in_metres(origin + node * h)} (and at "
                 f"{np.count_nonzero(jump)} places): neighbouring parts have opposite normals, or "
                 "bodies overlap or touch, or a sheet is modelled by both its faces with the same "
                 "normals; turn the normals or keep only the surface that touches the blank",
@@ -181,14 +186,14 @@ def _refuse_overlap(surface: Surface, points: np.ndarray, h: float) -> None:
     """Raise where two points (2, 3) on either side of a jump are closest to different solids."""
     part, closed = surface.parts()
     corners = [surface.points[surface.triangles[part == number]] for number in range(len(closed))]
-    away = np.stack([closest_places(triangle_tree(own), points).distance for own in corners])
+    away = np.stack([closest_places(triangle_tree(solid), points).distance for solid in corners])
     # as close as the band takes for the same place
     near = np.flatnonzero((away <= away.min(axis=0) + CRACK * h).any(axis=1))
     if len(near) < 2 or not closed[near].all():
         return
     boxes = [
-        f"{place_text(own.min(axis=(0, 1)))} to {place_text(own.max(axis=(0, 1)))}"
-        for own in (corners[number] for number in near[:2])
+        f"{in_metres(solid.min(axis=(0, 1)))} to {in_metres(solid.max(axis=(0, 1)))}"
+        for solid in (corners[number] for number in near[:2])
     ]
     remedy = (
         "write union = true in the tool's shape, which unites them here, or unite"
@@ -196,7 +201,7 @@ def _refuse_overlap(surface: Surface, points: np.ndarray, h: float) -> None:
         else "their union left them apart: unite"
     )
     raise InputError(
-        f"two solids of the file overlap or touch near {place_text(points[0])}, or lie closer "
+        f"two solids of the file overlap or touch near {in_metres(points[0])}, or lie closer "
         f"together than the spacing {h * 1e3:.2g} mm tells apart: one from {boxes[0]}, one from "
         f"{boxes[1]}; inside and outside cannot be told there; {remedy} the solids in the CAD "
         "program (Boolean union) and export the surface of the whole, or give each solid a file "
@@ -239,7 +244,7 @@ def _check_resolution(field: DistanceField, surface: Surface) -> None:
             surface.file,
             f"the distance field (spacing {field.spacing * 1e3:.3g} mm) misses the surface by more "
             f"than {typical * 1e3:.2g} mm on 5 % of its triangles, at most by "
-            f"{missed.max() * 1e3:.2g} mm at {place_text(worst)}; give the tool a smaller spacing",
+            f"{missed.max() * 1e3:.2g} mm at {in_metres(worst)}; give the tool a smaller spacing",
         )
 
 

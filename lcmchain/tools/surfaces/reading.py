@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.units import QuantityError, length_factor
-from lcmchain.tools.surfaces.orientation import oriented
-from lcmchain.tools.surfaces.surface import Surface, edge_middle, edges, place_text, warn
-from lcmchain.tools.surfaces.welding import weld
+from lcmchain.tools.surfaces.solids import oriented, united
+from lcmchain.tools.surfaces.surface import WELD, Surface, edge_middle, edges, in_metres, warn
 
 _TRIANGULATION = {"triangle": [(0, 1, 2)], "quad": [(0, 1, 2), (0, 2, 3)]}
 
@@ -22,7 +24,7 @@ def read_surface(
     """Read the surface of a tool from an STL file, a deck, or any other mesh file.
 
     Vertices at the same place are welded, degenerate and repeated triangles dropped, and normals
-    turned into free space (:mod:`lcmchain.tools.surfaces.orientation`), each with a warning.
+    turned into free space (:func:`lcmchain.tools.surfaces.solids.oriented`), each with a warning.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def read_surface(
     length_unit : unit of its coordinates, for example "mm".
     blank : points [m] of the blank at the start in the frame of the mesh, shape [point_count, 3],
         on whose side open surfaces are free; None leaves them as they are.
-    union : unite the solids of the file (:mod:`lcmchain.tools.surfaces.union`).
+    union : unite the solids of the file (:func:`lcmchain.tools.surfaces.solids.united`).
 
     Raises
     ------
@@ -48,9 +50,6 @@ def read_surface(
         _warn_of_size(points, blank, file, length_unit)
     triangles, orientation = oriented(points, triangles, file, blank)
     if union:
-        # Imported here: few scenes unite solids.
-        from lcmchain.tools.surfaces.union import united
-
         points, triangles, count = united(points, triangles, file)
         orientation = replace(orientation, united=count)
     edge_of_side, _, edge_use = edges(triangles)
@@ -60,7 +59,7 @@ def read_surface(
         warn(
             file,
             f"{np.count_nonzero(edge_use > 2)} edges belong to more than two triangles, the first "
-            f"at {place_text(worst)}; inside and outside may be confused near them",
+            f"at {in_metres(worst)}; inside and outside may be confused near them",
         )
     return surface
 
@@ -90,7 +89,7 @@ def read_triangles(file: Path, length_unit: str | None = None) -> tuple[np.ndarr
     from lcmchain.mesh_files.shapes import base_type
 
     mesh = read_mesh_file(file)
-    parts: list[np.ndarray] = []
+    pieces: list[np.ndarray] = []
     aside = dict(mesh.left_aside)
     for name, cells in mesh.blocks:
         shape = base_type(name)
@@ -98,10 +97,10 @@ def read_triangles(file: Path, length_unit: str | None = None) -> tuple[np.ndarr
             shape_rows = [(0, i, i + 1) for i in range(1, cells.shape[1] - 1)]
         else:
             shape_rows = _TRIANGULATION.get(shape, [])
-        parts.extend(cells[:, row] for row in shape_rows)
+        pieces.extend(cells[:, row] for row in shape_rows)
         if not shape_rows:
             aside[name] = aside.get(name, 0) + len(cells)
-    if sum(len(part) for part in parts) == 0:
+    if sum(map(len, pieces)) == 0:
         kinds = ", ".join(sorted(aside)) or "no cells at all"
         raise InputError(
             f"holds no triangles or quadrilaterals ({kinds}); export the tool's surface",
@@ -117,7 +116,7 @@ def read_triangles(file: Path, length_unit: str | None = None) -> tuple[np.ndarr
     points = np.asarray(mesh.points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError("is a plane mesh; a tool needs points with x, y and z", file=file)
-    triangles = np.concatenate(parts).astype(np.int64)
+    triangles = np.concatenate(pieces).astype(np.int64)
     if triangles.min() < 0 or triangles.max() >= len(points):
         raise InputError("has triangles with vertices that do not exist; it is broken", file=file)
     if not np.isfinite(points[np.unique(triangles)]).all():
@@ -133,3 +132,44 @@ def _warn_of_size(points: np.ndarray, blank: np.ndarray, file: Path, length_unit
     hint = length_unit_hint(size, blank_size, length_unit, TOOL)
     if hint is not None:
         warn(file, hint)
+
+
+def weld(points: np.ndarray, triangles: np.ndarray, file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Join vertices at the same place; drop triangles without area and repeated ones.
+
+    trimesh and libigl join by rounding the coordinates, which leaves pairs on either side of a
+    rounding limit apart.
+    """
+    used, triangles = np.unique(triangles, return_inverse=True)
+    points = points[used]
+    points, index = np.unique(points, axis=0, return_inverse=True)
+    triangles = index.reshape(-1)[triangles.reshape(-1, 3)]
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if size == 0.0:
+        raise InputError("all vertices lie at one point; export the surface again", file=file)
+    tolerance = WELD * size
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    if len(pairs):
+        graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
+        _, label = connected_components(graph, directed=False)
+        _, first = np.unique(label, return_index=True)
+        points, triangles = points[first], label[triangles].astype(np.int64)
+
+    a, b, c = (points[triangles[:, i]] for i in range(3))
+    doubled_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    has_area = doubled_area > tolerance * longest
+    if not has_area.any():
+        raise InputError("no triangle has an area; export the tool's surface again", file=file)
+    turned = np.argmin(triangles, axis=1)[:, None]
+    canonical = np.take_along_axis(triangles, (turned + np.arange(3)) % 3, axis=1)
+    first = np.zeros(len(triangles), dtype=bool)
+    first[np.unique(canonical, axis=0, return_index=True)[1]] = True
+    kept = has_area & first
+    if not kept.all():
+        warn(
+            file,
+            f"{np.count_nonzero(~has_area)} triangles without area and "
+            f"{np.count_nonzero(has_area & ~first)} repeated triangles were left out",
+        )
+    return points, np.ascontiguousarray(triangles[kept])

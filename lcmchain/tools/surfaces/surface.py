@@ -10,6 +10,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+#: Relative distance below which two vertices are one (STL files repeat every vertex).
+WELD = 1e-6
+
 
 class ToolWarning(UserWarning):
     """A tool that can be used, but not quite as it was given."""
@@ -102,5 +105,5 @@ def warn(file: Path, message: str) -> None:
     warnings.warn(ToolWarning(f"{file}: {message}"), stacklevel=3)
 
 
-def place_text(point: np.ndarray) -> str:
+def in_metres(point: np.ndarray) -> str:
     return "({:.4g}, {:.4g}, {:.4g}) m".format(*point)

@@ -17,7 +17,7 @@ import numpy as np
 
 from lcmchain.scene import Element
 from lcmchain.statics import DirectorCouples, StaticProblem, solve
-from lcmchain.statics.steps import StaticStep
+from lcmchain.statics.paths import StaticStep
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,

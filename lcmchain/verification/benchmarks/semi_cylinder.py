@@ -17,7 +17,7 @@ from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_
 from lcmchain.model import assemble_sheet
 from lcmchain.scene import Element
 from lcmchain.statics import StaticProblem, solve
-from lcmchain.statics.steps import StaticStep
+from lcmchain.statics.paths import StaticStep
 from lcmchain.verification.benchmarks.meshes import (
     AS_PUBLISHED,
     X,
