@@ -26,7 +26,7 @@ from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.unit_process import read_frame, write_frame
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import SimulationInterrupted
-from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.readable import duration_text
 
 #: How often a call that is at work is looked at [s].
 LOOK = 0.1

@@ -22,7 +22,7 @@ from lcmchain.draping.steered import SteeredLine
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import Course
 from lcmchain.scene.plies import PlySettings

@@ -17,7 +17,7 @@ from scipy.optimize import brentq, minimize_scalar
 from lcmchain.draping.net import ACCURACY, project_all
 from lcmchain.draping.surface import DrapedSurface
 from lcmchain.errors import InputError
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 
 #: Key of the curve in a scene.
 KEY = "draping.start_line"

@@ -28,7 +28,7 @@ from numba.extending import overload
 
 from lcmchain.dispatch import implements, optional, required
 from lcmchain.jit import INLINED, equation
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel
 from lcmchain.tools.span_rows import SPAN
 
 __all__ = [

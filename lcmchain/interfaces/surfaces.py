@@ -19,7 +19,7 @@ from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.cells import by_node
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.tools.span_rows import NODE_CHUNK, SPAN
 
 #: No facet, no neighbour, no interface.

@@ -13,9 +13,9 @@ from lcmchain.quantities.entry_types import (
     FileName,
     LengthUnit,
     PositiveLength,
+    SceneModel,
     Text,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 
 class Drawing(SceneModel):

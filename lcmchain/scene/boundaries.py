@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from lcmchain.mesh.places import NamedPlace, Where
-from lcmchain.quantities.at_work import AtWork
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
+    AtWork,
     Direction,
     FlowRate,
     Force,
@@ -23,11 +23,11 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Pressure,
     Row,
+    SceneModel,
     Switch,
     TimeOrZero,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import split_row
 
 # --- entries that are one value, or one for each of times -----------------------------------------

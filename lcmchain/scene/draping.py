@@ -20,9 +20,9 @@ from lcmchain.quantities.entry_types import (
     Quantity,
     Range,
     Row,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import ANGLE
 
 #: Shear angle at which the bars of a net count as lying on each other [rad].

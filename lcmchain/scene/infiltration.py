@@ -24,10 +24,11 @@ from lcmchain.quantities.entry_types import (
     Pressure,
     Range,
     Row,
+    SceneModel,
     Switch,
+    with_own_names,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
 from lcmchain.scene.boundaries import Arrival, Closure, Gate, Times, Vent, as_row, require_times
 from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.resin import Resin

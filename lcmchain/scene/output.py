@@ -22,11 +22,11 @@ from lcmchain.quantities.entry_types import (
     PositiveLength,
     PositiveTime,
     Row,
+    SceneModel,
     Switch,
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.structure import Structure
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lcmchain.effects.pace import more_quasi_static
-from lcmchain.quantities.rounded import milliseconds, two_digits_up
+from lcmchain.quantities.readable import time_entry, two_digits_up
 from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART
 from lcmchain.tools.motion import GUIDED
@@ -60,7 +60,7 @@ def slower_process(scene: Scene, time: float, now: float | None = None) -> str:
         if scene.stages:
             factor = two_digits_up(time / (now or scene.process.time))
             return f"times of the [[stages]] that are {factor} times as long"
-        return f"process.time = {milliseconds(time)}"
+        return f"process.time = {time_entry(time)}"
     return more_quasi_static(scene.process.quasi_static, time / scene.process.time)
 
 

@@ -20,9 +20,9 @@ from lcmchain.quantities.entry_types import (
     PermeabilityValue,
     Range,
     Row,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 _OPEN = Range(0.0, 1.0, open_ends=(0.0, 1.0))
 _Fraction = Annotated[float, Number(0.5, _OPEN)]

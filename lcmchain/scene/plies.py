@@ -29,9 +29,17 @@ from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.contours import Contours, contours_of
 from lcmchain.mesh.outline import outline_of
-from lcmchain.quantities.at_work import AtWork, share_a_stage
-from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
-from lcmchain.quantities.scene_model import no_such
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    AtWork,
+    Length,
+    Name,
+    PointInPlane,
+    Switch,
+    no_such,
+    share_a_stage,
+    wrong,
+)
 from lcmchain.scene.layup import angles_of
 from lcmchain.scene.process import Process
 

@@ -16,8 +16,15 @@ from lcmchain.effects.mass_scaling import MassScaling
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material
 from lcmchain.materials.shear_waves import shear_wave_speeds
-from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Number,
+    PositiveTime,
+    Range,
+    Rate,
+    SceneModel,
+    Switch,
+)
 
 #: What leaving out the time means, for the table of defaulted values.
 FOUND_TIME = "found from the sheet"

@@ -23,12 +23,12 @@ from lcmchain.quantities.entry_types import (
     PositiveRate,
     Range,
     Row,
+    SceneModel,
     Temperature,
     TimeOrZero,
     Viscosity,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import split_row
 from lcmchain.scene.presets import CURES, VISCOSITIES, filled, published_values
 

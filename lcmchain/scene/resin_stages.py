@@ -12,8 +12,7 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
-from lcmchain.quantities.entry_types import wrong
-from lcmchain.quantities.scene_model import no_such
+from lcmchain.quantities.entry_types import no_such, wrong
 
 
 class ResinStage(NamedTuple):

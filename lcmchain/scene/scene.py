@@ -26,9 +26,16 @@ from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
 from lcmchain.materials.laws import TABLES, AnyMaterial
 from lcmchain.mesh.blank import Blank
-from lcmchain.quantities.at_work import MOST_STAGES
-from lcmchain.quantities.entry_types import AbsentMeans, Name, Row, Text, wrong
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
+from lcmchain.quantities.entry_types import (
+    MOST_STAGES,
+    AbsentMeans,
+    Name,
+    Row,
+    SceneModel,
+    Text,
+    with_own_names,
+    wrong,
+)
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE

@@ -25,10 +25,11 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Range,
     Rate,
+    SceneModel,
     Switch,
+    no_such,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel, no_such
 from lcmchain.scene.plies import PlySettings, Stack
 from lcmchain.scene.process import (
     AVERAGING_PART,

@@ -26,11 +26,12 @@ from lcmchain.quantities.entry_types import (
     Pressure,
     Range,
     Row,
+    SceneModel,
     Switch,
     Text,
+    with_own_names,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
 from lcmchain.scene.presets import FIBRES, RESINS, filled, published_values
 
 #: What a support can hold: displacements, and rotations of the nodes of shells.

@@ -20,7 +20,7 @@ from lcmchain.elements.family import Body
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.forces import REFRESHES_LEFT
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.solver.guards import when
 from lcmchain.stages import StageTables
 from lcmchain.state import START_OVERLAP, State

@@ -16,7 +16,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.forces import STEPS_LEFT
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.solver.guards import when
 from lcmchain.solver.laid_plies import lay_down, newcomers, require_clear
 from lcmchain.stages import StageTables

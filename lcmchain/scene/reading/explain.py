@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from lcmchain.errors import shortened
+from lcmchain.quantities.entry_types import toml_like
 from lcmchain.scene.reading.walk import (
     annotation_at,
     choices_of,
@@ -290,13 +291,5 @@ def _listed(choices: Sequence[str]) -> str:
     return ", ".join(f'"{choice}"' for choice in choices)
 
 
-def _toml_like(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{shortened(value)}"'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "a table"
-    if isinstance(value, (list, tuple)):
-        return "a list"
-    return repr(value)
+def _toml_like(value: object) -> str:
+    return "a list" if isinstance(value, (list, tuple)) else toml_like(value)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel
 from lcmchain.tools.distance import EXTRUDED, REVOLVED
 from lcmchain.tools.profile_surface import profile_surface
 from lcmchain.tools.profiles import CORNER_COLUMNS, SEGMENT_COLUMNS, Profile

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.quantities.entry_types import LengthOrZero, PositiveLength
-from lcmchain.quantities.rounded import two_digits
+from lcmchain.quantities.readable import two_digits
 from lcmchain.thresholds import LARGEST_RIPPLE
 from lcmchain.tools.profile_corners import build_profile
 from lcmchain.tools.profiles import Profile
