@@ -33,7 +33,7 @@ from lcmchain.coupling.solids import closures
 from lcmchain.coupling.solids.closures import value_at
 from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.coupling.solids.local import LocalCompaction
-from lcmchain.scene import boundaries as scene
+from lcmchain.scene.infiltration import boundaries as scene
 
 #: Windows of a filling where its scene does not say; they may become so much shorter and longer.
 WINDOWS = 200

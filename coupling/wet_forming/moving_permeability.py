@@ -21,7 +21,7 @@ from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.mapping.surfaces.averages import turned
 from lcmchain.materials.law import fibre_angles
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.solver.simulation import Simulation
 
 

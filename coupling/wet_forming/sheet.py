@@ -22,7 +22,7 @@ from lcmchain.mapping.plies import SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 #: Vectors of a ply that the columns need, of as many families as it has.

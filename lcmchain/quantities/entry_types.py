@@ -254,6 +254,7 @@ class Row:
     count : how many values there must be; None for any number.
     minimum_count, maximum_count : the least and the largest number where `count` is None.
     entries : what one value is called in messages.
+    one : whether a single value may stand without brackets.
     units : False for rows of plain numbers and of points, which have no one-text form.
     """
 
@@ -263,6 +264,7 @@ class Row:
     maximum_count: int = MOST_VALUES
     entries: str = "values"
     units: bool = True
+    one: bool = False
 
     def __get_pydantic_core_schema__(
         self, source: type, handler: GetCoreSchemaHandler
@@ -282,6 +284,8 @@ class Row:
             return None
         if isinstance(value, str) and self.units:
             value = split_row(value) or value
+        if self.one and isinstance(value, str | int | float):
+            value = (value,)
         if isinstance(value, (str, bytes, dict)) or not hasattr(value, "__len__"):
             raise wrong(
                 f"must be a list of {self.entries}, but is {toml_like(value)}; "

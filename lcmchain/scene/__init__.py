@@ -30,8 +30,8 @@ from lcmchain.materials.st_venant_kirchhoff import (
 from lcmchain.mesh.blank import Blank
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.scene.output import MappingTarget, Output
-from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.reading.json_schema import scene_json_schema
 from lcmchain.scene.reading.read import read_scene, scene_from_text

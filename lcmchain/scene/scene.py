@@ -38,10 +38,10 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
 from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of, names_two_families
 from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, MappingTarget, Output, Unit
-from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.plies import (
     Ply,
     PlySettings,

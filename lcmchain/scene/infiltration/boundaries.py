@@ -1,14 +1,11 @@
-"""Scene tables of what acts on the resin: what presses on the part, gates and vents.
-
-They stand here and not in the package that computes it, which is built on the core.
-"""
+"""Scene tables of what acts on the resin: what presses on the part, gates and vents."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from lcmchain.mesh.places import NamedPlace, Where
 from lcmchain.quantities.entry_types import (
@@ -28,7 +25,6 @@ from lcmchain.quantities.entry_types import (
     TimeOrZero,
     wrong,
 )
-from lcmchain.quantities.units import split_row
 
 # --- entries that are one value, or one for each of times -----------------------------------------
 
@@ -39,31 +35,38 @@ Times = Annotated[
 ]
 
 
-def as_row(value: Any) -> Any:
-    """Take one value as a row of one."""
-    is_row = isinstance(value, str) and split_row(value) is not None
-    return (value,) if isinstance(value, str | int | float) and not is_row else value
-
-
-def require_times(kind: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
-    """Refuse values over time that are not as many as their times, or times that fall.
+def require_times(entry: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
+    """Refuse values that are not as many as their times, and times that do not increase.
 
     Raises
     ------
-    PydanticCustomError : names the entry ``kind``, or the times.
+    PydanticCustomError : names the entry of the values, or the times.
     """
     count = 1 if times is None else len(times)
     if len(values) != count:
         wanted = "one value" if times is None else f"{count} values, as times has"
-        raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
+        raise wrong(f"needs {wanted}, but has {len(values)}", field=entry)
     if times is not None and any(b <= a for a, b in pairwise(times)):
         raise wrong("must increase from one to the next", field="times")
+
+
+class OverTime(SceneModel):
+    """Base of tables with an entry that has one value, or one for each of ``times``."""
+
+    #: Name of the entry.
+    over_time: ClassVar[str]
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        values, times = (getattr(self, entry) for entry in (self.over_time, "times"))
+        require_times(self.over_time, values, times)
+        return self
 
 
 # --- what presses on the part: a bag, tools at a gap, a press -------------------------------------
 
 
-class _Closure(SceneModel):
+class _Closure(OverTime):
     """What presses, and how it is coupled with the resin."""
 
     window: Annotated[PositiveTime | None, AbsentMeans("a two-hundredth of the filling's time")] = (
@@ -96,23 +99,15 @@ class _Pressed(_Closure):
 class Bag(_Pressed):
     """A bag or diaphragm: each cell bears its pressure."""
 
+    over_time = "pressure"
+
     type: Literal["bag"]
-    pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', minimum_count=1)] = Field(
+    pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', one=True, minimum_count=1)] = Field(
         description="Pressure on the bag, or one for each of times, in the system of the vents'."
     )
     times: Times = Field(
         default=None, description="Times of the pressures, which are linear between them."
     )
-
-    @field_validator("pressure", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
-    @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("pressure", self.pressure, self.times)
-        return self
 
     @property
     def in_words(self) -> str:
@@ -123,9 +118,11 @@ class Bag(_Pressed):
 class Gap(_Closure):
     """Rigid tools that close to a gap; a cell keeps its formed thickness until they arrive."""
 
+    over_time = "thickness"
+
     type: Literal["gap"]
-    thickness: Annotated[tuple[PositiveLength, ...], Row('"0.8 mm"', minimum_count=1)] = Field(
-        description="Gap of the closed tools, or one for each of times."
+    thickness: Annotated[tuple[PositiveLength, ...], Row('"0.8 mm"', one=True, minimum_count=1)] = (
+        Field(description="Gap of the closed tools, or one for each of times.")
     )
     closing_time: Annotated[PositiveTime | None, AbsentMeans("")] = Field(
         default=None,
@@ -139,14 +136,8 @@ class Gap(_Closure):
         default=None, description="Direction of closing, for the force of the press."
     )
 
-    @field_validator("thickness", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
     @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("thickness", self.thickness, self.times)
+    def _check_closing(self) -> Self:
         if (self.closing_time is None) == (self.times is None):
             given = "both" if self.times is not None else "neither"
             raise wrong(
@@ -168,8 +159,10 @@ class Gap(_Closure):
 class Press(_Pressed):
     """A rigid tool under a force."""
 
+    over_time = "force"
+
     type: Literal["press"]
-    force: Annotated[tuple[Force, ...], Row('"10 kN"', minimum_count=1)] = Field(
+    force: Annotated[tuple[Force, ...], Row('"10 kN"', one=True, minimum_count=1)] = Field(
         description="Force of the press, or one for each of times."
     )
     times: Times = Field(
@@ -179,14 +172,8 @@ class Press(_Pressed):
         default=None, description="Direction of closing."
     )
 
-    @field_validator("force", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
     @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("force", self.force, self.times)
+    def _check_force(self) -> Self:
         if min(self.force) < 0.0 or max(self.force) == 0.0:
             raise wrong("presses, so it must not be negative, nor zero for ever", field="force")
         return self
@@ -252,10 +239,12 @@ class Gate(_Opening):
     """Where resin enters, at a pressure or a flow rate."""
 
     pressure: Annotated[
-        Annotated[tuple[Pressure, ...], Row('"0.3 MPa"', minimum_count=1)] | None, AbsentMeans("")
+        Annotated[tuple[Pressure, ...], Row('"0.3 MPa"', one=True, minimum_count=1)] | None,
+        AbsentMeans(""),
     ] = Field(default=None, description="Pressure of the resin, or one for each of times.")
     flow_rate: Annotated[
-        Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', minimum_count=1)] | None, AbsentMeans("")
+        Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', one=True, minimum_count=1)] | None,
+        AbsentMeans(""),
     ] = Field(default=None, description="Flow rate of the whole gate, or one for each of times.")
     times: Times = Field(
         default=None,
@@ -266,11 +255,6 @@ class Gate(_Opening):
         default=None,
         description="Highest pressure of a flow rate, as of the pump: it holds from there on.",
     )
-
-    @field_validator("pressure", "flow_rate", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
 
     @property
     def in_words(self) -> str:
@@ -286,12 +270,12 @@ class Gate(_Opening):
             raise wrong(
                 f"needs one of pressure and flow_rate, but has {' and '.join(given) or 'none'}"
             )
-        kind = given[0]
-        values = getattr(self, kind)
-        require_times(kind, values, self.times)
-        if kind == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
+        entry = given[0]
+        values = getattr(self, entry)
+        require_times(entry, values, self.times)
+        if entry == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
             raise wrong("must not be negative, and above zero at some time", field="flow_rate")
-        if kind == "pressure" and self.pressure_limit is not None:
+        if entry == "pressure" and self.pressure_limit is not None:
             raise wrong("belongs to a flow_rate, which is not given", field="pressure_limit")
         return self
 

@@ -1,8 +1,4 @@
-"""Scene tables of infiltration: what fills, regions, gates, vents, resin, and when it ends.
-
-They stand here and not in the package that computes the flow: that package is built on the core,
-which holds the scene and never imports what is built on it.
-"""
+"""Scene tables of an infiltration: what fills, where it differs, and when it ends."""
 
 from __future__ import annotations
 
@@ -17,6 +13,7 @@ from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Acceleration,
     Direction,
+    NamedEntry,
     Number,
     PermeabilityValue,
     PositiveLength,
@@ -29,9 +26,8 @@ from lcmchain.quantities.entry_types import (
     with_own_names,
     wrong,
 )
-from lcmchain.scene.boundaries import Arrival, Closure, Gate, Times, Vent, as_row, require_times
-from lcmchain.scene.permeability import Permeability
-from lcmchain.scene.resin import Resin
+from lcmchain.scene.infiltration.boundaries import Arrival, Closure, Gate, OverTime, Times, Vent
+from lcmchain.scene.infiltration.laws import Permeability, Resin
 
 # --- what fills: a preform not formed here, a flow medium -----------------------------------------
 
@@ -205,12 +201,14 @@ class WettedPlace(NamedPlace):
     """Where the preform is full of resin from the start."""
 
 
-class ResinFilm(SceneModel):
+class ResinFilm(OverTime):
     """Resin that lies on the preform at the start and is pressed into it, as in wet moulding."""
+
+    over_time = "pressure"
 
     thickness: PositiveLength = Field(description="Thickness of the film.")
     over: Arrival = Field(default=None, description="Where it lies; without it on the whole part.")
-    pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', minimum_count=1)] = Field(
+    pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', one=True, minimum_count=1)] = Field(
         description="Pressure on the film, or one for each of times."
     )
     times: Times = Field(
@@ -220,16 +218,6 @@ class ResinFilm(SceneModel):
         default="0 MPa",  # type: ignore[assignment]
         description="Pressure that draws the resin into dry textile.",
     )
-
-    @field_validator("pressure", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
-    @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("pressure", self.pressure, self.times)
-        return self
 
     @property
     def in_words(self) -> str:
@@ -339,21 +327,50 @@ class Infiltration(SceneModel):
 
     @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
     @classmethod
-    def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _check_names(cls, items: tuple[NamedEntry, ...]) -> tuple[NamedEntry, ...]:
         return with_own_names(items)
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:
-        names = {gate.name for gate in self.gates}
-        both = next((vent.name for vent in self.vents if vent.name in names), None)
-        if both is not None:
-            raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
+        gates = {gate.name for gate in self.gates}
+        shared = next((vent.name for vent in self.vents if vent.name in gates), None)
+        if shared is not None:
+            raise wrong(f'has the name "{shared}" of a gate; give it another', field="vents")
         if self.with_forming is not None:
             self._check_with_forming()
         if self.preform is not None:
             self._check_preform()
         if self.flow_medium is not None:
             self._check_flow_medium()
+        self._check_openings()
+        if getattr(self.closure, "pressed", None) == "wet" and not self.wetted:
+            raise wrong(
+                'is "wet", but no resin is in the preform at the start; name where it is with '
+                "[[wetted]], or leave the entry out",
+                field="closure.pressed",
+            )
+        if self.trapped_air and self.least_pressure <= 0.0:
+            raise wrong(
+                f"compresses the air from the pressure of the vents, which is "
+                f"{self.least_pressure:g} Pa; give absolute pressures, such as "
+                'vent_pressure = "1 bar"',
+                field="trapped_air",
+            )
+        if self.film is not None:
+            self._check_film(self.film)
+        count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
+        if count > 10_000:
+            raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
+        return self
+
+    @property
+    def least_pressure(self) -> float:
+        """Lowest pressure of the vents, and of the air in the dry preform [Pa]."""
+        own = [vent.pressure for vent in self.vents if vent.pressure is not None]
+        return min([self.vent_pressure, *own])
+
+    def _check_openings(self) -> None:
+        """Refuse an infiltration through which no resin would flow."""
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -362,9 +379,7 @@ class Infiltration(SceneModel):
                 "for example one with rim = true",
                 field="vents",
             )
-        least = min(
-            [self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)]
-        )
+        least = self.least_pressure
         for index, gate in enumerate(self.gates):
             at_most = gate.pressure_limit if gate.pressure is None else max(gate.pressure)
             if at_most is not None and at_most <= least:
@@ -374,30 +389,15 @@ class Infiltration(SceneModel):
                     f"({least:g} Pa): no resin would flow",
                     field=f'gates[{index}] "{gate.name}".{name}',
                 )
-        if getattr(self.closure, "pressed", None) == "wet" and not self.wetted:
+
+    def _check_film(self, film: ResinFilm) -> None:
+        drive, least = max(film.pressure) + film.capillary_pressure, self.least_pressure
+        if drive <= least:
             raise wrong(
-                'is "wet", but no resin is in the preform at the start; name where it is with '
-                "[[wetted]], or leave the entry out",
-                field="closure.pressed",
+                f"is {drive:g} Pa at most, with the capillary pressure, not above that of the "
+                f"vents ({least:g} Pa): no resin would sink in",
+                field="film.pressure",
             )
-        if self.trapped_air and least <= 0.0:
-            raise wrong(
-                f"compresses the air from the pressure of the vents, which is {least:g} Pa; give "
-                'absolute pressures, such as vent_pressure = "1 bar"',
-                field="trapped_air",
-            )
-        if self.film is not None:
-            drive = max(self.film.pressure) + self.film.capillary_pressure
-            if drive <= least:
-                raise wrong(
-                    f"is {drive:g} Pa at most, with the capillary pressure, not above that of the "
-                    f"vents ({least:g} Pa): no resin would sink in",
-                    field="film.pressure",
-                )
-        count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
-        if count > 10_000:
-            raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
-        return self
 
     def _check_preform(self) -> None:
         """Refuse what a preform that was not formed here knows nothing of."""
@@ -429,11 +429,9 @@ class Infiltration(SceneModel):
                 "give a permeability_factor",
                 field="regions",
             )
-        for name in ("closure", "race_tracks", "frame_interval"):
+        for name in ("closure", "race_tracks", "frame_interval", "trapped_air"):
             if getattr(self, name):
                 raise wrong("cannot be combined with with_forming; leave it out", field=name)
-        if self.trapped_air:
-            raise wrong("cannot be combined with with_forming; leave it out", field="trapped_air")
         if any(region.thickness is not None for region in self.regions):
             raise wrong(
                 "has a thickness, but with_forming takes that of the blank; leave it out",
