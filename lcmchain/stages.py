@@ -21,7 +21,7 @@ from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, transla
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.scene.stages import StagePlan
-from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
+from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, StrokeMotion, TableMotion
 from lcmchain.tools.motion.base import TABULATED
 from lcmchain.tools.motion.travel import travel_along
 from lcmchain.tools.table import ToolTable
@@ -347,7 +347,7 @@ def _supports_in_stage(
     release_time, release_force = table.release_time.copy(), table.release_force.copy()
     for group, (grip, working) in enumerate(zip(holding, works, strict=True), start=first):
         motion = plan.grip_motions[_entry(grip, grippers)]
-        if motion.moves:
+        if isinstance(motion, StrokeMotion | TableMotion) and motion.moves:
             led = translation(motion.direction, travel_along(motion, plan.time))
             affine[group] = [led(time) for time in times]
             slope[group] = np.gradient(affine[group], axis=0, edge_order=2)
@@ -413,10 +413,9 @@ def _settled(
         elif kind == PRESCRIBED:
             ends.append(float(tools.stroke_end[tool]))
     for motion in plan.grip_motions:
-        times = getattr(motion, "times", None)
-        if times is not None:
-            ends.append(plan.start + times[-1])
-        elif motion.moves:
+        if isinstance(motion, TableMotion):
+            ends.append(plan.start + motion.times[-1])
+        elif isinstance(motion, StrokeMotion) and motion.moves:
             ends.append(plan.start + (plan.time if motion.end is None else motion.end))
     if pulls is not None:
         ends.append(float((pulls.begin + pulls.ramp).max()))

@@ -12,8 +12,8 @@ from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.quantities.readable import two_digits
 from lcmchain.scene import Scene, left_out_of
 from lcmchain.scene.infiltration.boundaries import Bag
-from lcmchain.scene.plies import PlySettings, Stack
 from lcmchain.scene.presets import preset_remarks
+from lcmchain.scene.stack import PlySettings, Stack
 from lcmchain.tools.tool import Tool
 
 

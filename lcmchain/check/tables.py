@@ -28,7 +28,7 @@ from lcmchain.tools.surfaces.surface import Orientation
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from lcmchain.scene.plies import PlySettings
+    from lcmchain.scene.stack import PlySettings
 
 
 #: What effects take of the time where that is not known.

@@ -25,7 +25,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import Course
-from lcmchain.scene.plies import PlySettings
+from lcmchain.scene.stack import PlySettings
 
 #: Part of the blank's area that strips may leave uncovered: rounding.
 UNCOVERED = 1e-9

@@ -30,8 +30,8 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.structure import Structure
 
-# --- Scene tables of what comes of a scene: files of a run, and its functional mock-up unit -----
-
+#: Name of the files of an infiltration of the formed sheet itself.
+SHEET_NAME = "sheet"
 
 #: Samples of the histories over the process where ``history_interval`` is not given.
 DEFAULT_SAMPLES = 200
