@@ -30,10 +30,9 @@ from lcmchain.quantities.entry_types import (
     TimeOrZero,
     wrong,
 )
-from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
+from lcmchain.scene.reading.explain import MOST_PROBLEMS, documents_of, problems_of
 from lcmchain.scene.reading.overrides import apply_overrides
 from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
-from lcmchain.scene.reading.walk import documents_of
 
 #: Group of the record that no unit may be named like.
 CONVERGENCE_GROUP = "coupling"

@@ -88,7 +88,7 @@ def new_punch(
 ) -> None:
     """A spherical punch presses a blank through a round hole."""
     from lcmchain.quantities.units import MASS
-    from lcmchain.scene.cases.punch import Punch, punch_scene
+    from lcmchain.scene.cases.simple_tools import Punch, punch_scene
 
     file = _new_file(out, "punch")
     sheet = _sheet(preset, blank_size, edge_length, fibre_angle, friction, time)
@@ -154,7 +154,7 @@ def new_drape(
     out: Out = None,
 ) -> None:
     """A blank falls over a form: sphere, pillar, ridge or STL file."""
-    from lcmchain.scene.cases.drape import Form, drape_scene
+    from lcmchain.scene.cases.simple_tools import Form, drape_scene
 
     file = _new_file(out, "drape")
     sheet = _sheet(preset, blank_size, edge_length, fibre_angle, friction, time)
@@ -174,7 +174,7 @@ def new_coupon(
     out: Out = None,
 ) -> None:
     """A fabric with all its values spelled out, for coupon tests."""
-    from lcmchain.scene.cases.coupon import coupon_scene
+    from lcmchain.scene.cases.simple_tools import coupon_scene
 
     file = _new_file(out, "coupon")
     sheet = _sheet(preset, blank_size, edge_length, fibre_angle, friction, time)

@@ -4,7 +4,7 @@
 
     scene.toml ─▶ reading ─▶ scene: Scene, all tables put together
                                │
-         process, plies, draping, output, structure    tables of [process], [[stages]], [[plies]] ...
+         process, plies, draping, output, structure    the tables named so
          infiltration                                  what flows, from where, through what
          presets                                       published materials, by name
                                │

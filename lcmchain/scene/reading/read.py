@@ -21,9 +21,18 @@ from pydantic import BaseModel, ValidationError
 from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans, OrFile
 from lcmchain.scene.presets import PRESETS
-from lcmchain.scene.reading.explain import MOST_PROBLEMS, Problem, key_text, problems_of
+from lcmchain.scene.reading.explain import (
+    MOST_PROBLEMS,
+    Location,
+    Problem,
+    dotted,
+    field_at,
+    key_text,
+    named_files,
+    problems_of,
+    value_at,
+)
 from lcmchain.scene.reading.overrides import apply_overrides
-from lcmchain.scene.reading.walk import Location, dotted, field_at, named_files
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.text_files import decode_text
 from lcmchain.tools.motion import GuidedMotion
@@ -338,14 +347,16 @@ def _used_values(
         data = data | {"element": {"type": data["element"]}}
     preset = _preset_values(scene)
     for key, raw_path, text in _leaves(scene, (), ()):
-        value = _lookup(data, raw_path)
-        from_preset = _lookup(preset, raw_path)
+        value = value_at(raw_path, data, _ABSENT)
+        from_preset = value_at(raw_path, preset, _ABSENT)
         if value is not _ABSENT:
             given.append((key, _value_text(value)))
         elif from_preset is not _ABSENT:
             # a table within a material's names no preset of its own
             within = ((*raw_path[:end], "preset") for end in range(len(raw_path) - 1, 0, -1))
-            owner = next(o for path in within if (o := _lookup(preset, path)) is not _ABSENT)
+            owner = next(
+                o for path in within if (o := value_at(path, preset, _ABSENT)) is not _ABSENT
+            )
             defaulted.append((key, f"{_value_text(from_preset)} (preset {owner})"))
         elif text:
             defaulted.append((key, _resolved_text(scene, key, text)))
@@ -436,15 +447,6 @@ def _found_text(scene: Scene, key: str) -> str:
 
 
 _ABSENT = object()
-
-
-def _lookup(data: Any, path: Sequence[str | int]) -> Any:
-    for step in path:
-        try:
-            data = data[step]
-        except (KeyError, IndexError, TypeError):
-            return _ABSENT
-    return data
 
 
 def _value_text(value: Any) -> str:
