@@ -47,7 +47,7 @@ def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict
 
     Parameters
     ----------
-    run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
+    run_fingerprint : of :class:`lcmchain.provenance.Fingerprint`, all that decides the numbers.
     """
     model = simulation.model
     return scene_head(scene, run_fingerprint, model.element_count, model.node_count)

@@ -1,10 +1,13 @@
-"""What one core of this machine can do at most: arithmetic and memory, measured."""
+"""What this machine can do: arithmetic and memory of one core, and the memory of this process."""
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -72,3 +75,25 @@ def _shortest(work: Callable[[], None]) -> float:
         work()
         times.append(time.perf_counter() - start)
     return min(times)
+
+
+# --- memory of this process -----------------------------------------------------------------------
+
+
+def largest_memory() -> int:
+    """Return the most memory that this process has held so far [byte]; 0 where nothing tells it."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest if sys.platform == "darwin" else 1024 * largest
+
+
+def resident_memory() -> int:
+    """Return the memory that this process holds [byte]; 0 where nothing tells it."""
+    try:
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, AttributeError):  # another system than Linux
+        return 0
