@@ -2,8 +2,8 @@
 
 The hashes of what decides the numbers are recorded as ``run_fingerprint`` in ``summary.json``, in
 checkpoints and in the saved states of forming units, none of which may outlive a change of it. It
-is not ``scene_sha256``, the hash of the text of a scene file, which a scene built in Python does not
-have and which says nothing about the files that a scene names.
+is not ``scene_sha256``: that is the hash of the text of a scene file, which a scene built in Python
+does not have, and which says nothing about the files that a scene names.
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lcmchain.commands.folders import output_folder
-from lcmchain.commands.options import OutFolder, Overrides
+from lcmchain.commands.options import OutFolder, Overrides, output_folder
 from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
 
 # Material of coupons that name no scene; blank and process only make it a whole scene.

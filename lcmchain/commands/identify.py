@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lcmchain.commands.folders import output_folder
+from lcmchain.commands.options import output_folder
 from lcmchain.commands.terminal import console, say, warn
 
 identify_app = typer.Typer(

@@ -10,7 +10,7 @@ import pytest
 from rich.table import Table
 
 from lcmchain import cli
-from lcmchain.commands.folders import default_out
+from lcmchain.commands.options import default_out
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.scene import read_scene
 
