@@ -69,8 +69,8 @@ class Ply(Blank):
 
     height: Annotated[Length | None, AbsentMeans("0 mm, or on the ply before")] = Field(  # type: ignore[assignment]
         default=None,
-        description="z coordinate of the mid-surface; left out, the lowest ply lies at 0 and every "
-        "other one on the ply before it.",
+        description="z coordinate of the mid-surface; left out, the lowest ply lies at 0, every "
+        "other one on the one before.",
     )
     center: PointInPlane = Field(  # type: ignore[assignment]
         default=("0 mm", "0 mm"), description="Shift of size or outline in the plane."
@@ -88,13 +88,13 @@ class Ply(Blank):
     film: Switch = Field(
         default=False,
         description="A film that helps to form the others and is taken off afterwards: a "
-        "diaphragm, a release film. It counts in no thickness, fibre volume fraction, mapping or "
-        "infiltration of the preform.",
+        "diaphragm, a release film. No thickness, fibre volume fraction, mapping or "
+        "infiltration counts it.",
     )
     stages: AtWork = Field(
         default=None,
-        description="The stages of [[stages]] in which it is there, up to the last one: it is laid "
-        "down when the first of them begins. Left out, it is there from the start.",
+        description="Stages in which it is there, up to the last one: it is laid down when the "
+        "first of them begins. Left out, it is there from the start.",
     )
 
     @field_validator("element", mode="before")

@@ -46,13 +46,13 @@ class Process(SceneModel):
     time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
         default=None,  # type: ignore[assignment]  # the scene fills it in before anybody reads it
         validate_default=False,
-        description="Simulated time. Left out where a stroke leads the sheet, it is found from the "
-        "sheet, and the pace of the process follows its energies.",
+        description="Simulated time. Left out where a stroke leads the sheet, it is found from "
+        "the sheet, and the pace follows its energies.",
     )
     quasi_static: Annotated[float, Number(2.0, Range(0.1, 100.0))] = Field(
         default=1.0,
-        description="How slow a process without a time is: 2 takes twice the steps, and has a "
-        "quarter of the kinetic energy.",
+        description="How slow a process without a time is: 2 has twice the steps and a quarter "
+        "of the kinetic energy.",
     )
     frames: Annotated[int, Number(21, Range(2, 100_000), whole=True)] = Field(
         default=21, description="Saved frames, including the start."
@@ -65,8 +65,8 @@ class Process(SceneModel):
     damping_average: Annotated[PositiveTime | None, AbsentMeans("none: all motion is damped")] = (
         Field(
             default=None,
-            description="Mass damping acts on a node's velocity relative to its mean over about "
-            "this time, so that steady drawing is not damped.",
+            description="Mass damping acts on a velocity less its mean over about this time: "
+            "steady drawing is not damped.",
         )
     )
     gravity: Switch = Field(default=False, description="9.81 m/s2 along -z on the blank.")
@@ -75,13 +75,13 @@ class Process(SceneModel):
     )
     fibre_modulus_factor: Annotated[float, Number(0.25, Range(0.0, 1.0, (0.0,)))] = Field(
         default=1.0,
-        description="Modulus of the fibres in the simulation over that of the fabric: a lower one "
-        "makes the time step larger.",
+        description="Simulated modulus of the fibres over that of the fabric: a lower one makes "
+        "the time step larger.",
     )
     fibre_strain_allowed: Annotated[float, Number(0.002, Range(0.0, 0.1, (0.0,)))] = Field(
         default=0.002,
-        description="Largest fibre strain that a lowered modulus may lead to; a run that exceeds "
-        "it warns and says which factor to use.",
+        description="Largest fibre strain with a lowered modulus; a run that exceeds it says "
+        "which factor to use.",
     )
     mass_scaling: Annotated[MassScaling | None, AbsentMeans("no mass is added")] = Field(
         default=None,
@@ -101,34 +101,34 @@ class Stage(SceneModel):
     )
     motions: Annotated[dict[Annotated[str, Name("punch")], Motion], AbsentMeans("")] = Field(
         default_factory=dict,
-        description="By the name of a tool or of a gripper that holds: how it moves, from where it "
-        "is when the stage begins; times count from there too.",
+        description="Motions by the name of a tool, or of a gripper that holds. Travel and times "
+        "count from the start of the stage.",
     )
     mass_damping: Annotated[Rate | None, AbsentMeans("process.mass_damping")] = Field(
         default=None, description="Mass-proportional damping in this stage."
     )
     rest: Switch = Field(
         default=False,
-        description="Whether the sheet comes to rest here: it is stopped wherever its kinetic "
-        "energy has a peak, and the stage ends when it is at rest, at the latest after its time.",
+        description="The sheet comes to rest: it is stopped at each peak of its kinetic energy, "
+        "and the stage ends when it is at rest, at the latest after its time.",
     )
     rest_energy: Annotated[float, Number(1e-4, Range(0.0, 0.1, (0.0,)))] = Field(
         default=1e-4,
-        description="A sheet is at rest whose kinetic energy stays below this part of the energy "
-        "that was stored when the motions of the stage had ended.",
+        description="The sheet is at rest when its kinetic energy stays below this part of the "
+        "energy that was stored when the motions of the stage had ended.",
     )
     resin_time: Annotated[PositiveTime | None, AbsentMeans("part of infiltration.time")] = Field(
         default=None,
-        description="What it takes for a resin that flows while the sheet is formed "
-        "(infiltration.with_forming). Stages without it share what is left of infiltration.time "
-        "by their times.",
+        description="Time of the stage for a resin that flows meanwhile "
+        "(infiltration.with_forming). Stages without it share what is left of "
+        "infiltration.time by their times.",
     )
     springback_from: Annotated[
         Annotated[str, Name("close")] | None, AbsentMeans("the stage before")
     ] = Field(
         default=None,
-        description="Of a stage that ends at rest: the stage at whose end the part has the shape "
-        "that the springback is measured from.",
+        description="With rest: the stage at whose end the part has the shape that springback is "
+        "measured from.",
     )
 
     _found: bool = PrivateAttr(default=False)

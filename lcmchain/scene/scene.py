@@ -124,16 +124,16 @@ class Scene(SceneModel):
     ] = Field(default=(), description="The plies of a stack, bottom first, in place of [blank].")
     layup: Annotated[Annotated[str, Text(LAYUP_EXAMPLE)] | None, AbsentMeans("")] = Field(
         default=None,
-        description="Short form of a stack of plies that share [blank] and [material]: their "
-        "angles in degrees, bottom first.",
+        description="Short form of plies that share [blank] and [material]: their angles in "
+        "degrees, bottom first.",
     )
     blank: Annotated[Blank | None, AbsentMeans("")] = Field(
         default=None, description="The flat textile layer before forming; needed without [[plies]]."
     )
     material: Annotated[AnyMaterial | None, AbsentMeans("")] = Field(
         default=None,
-        description="What the sheet is made of, and how it deforms; needed unless all plies name "
-        "an entry of [materials].",
+        description="What the sheet is made of; needed unless all plies name an entry of "
+        "[materials].",
     )
     materials: Annotated[dict[Annotated[str, Name("biaxial")], AnyMaterial], AbsentMeans("")] = (
         Field(
@@ -205,8 +205,8 @@ class Scene(SceneModel):
     )
     infiltration: Annotated[Infiltration | None, AbsentMeans(NONE)] = Field(
         default=None,
-        description="Infiltration of the formed sheet on its own faces; on another mesh it stands "
-        "in its [[mapping]] entry.",
+        description="Infiltration of the formed sheet itself; that of another mesh stands in its "
+        "[[mapping]] entry.",
     )
     fmu: Annotated[Unit | None, AbsentMeans("contact.friction alone is a parameter")] = Field(
         default=None, description="What a master may set in the unit of lcmchain fmu build."

@@ -237,20 +237,19 @@ class Structure(SceneModel):
     )
     lay_up: Literal["interleaved", "plies", "stacked", "symmetric"] = Field(
         default="interleaved",
-        description="All families mixed over the thickness; the plies of a stack over each other, "
-        "each with its families mixed; the second family of a ply above the first (as the "
-        "normal of the cell points, or from the lowest to the highest ply of a stack), or the "
-        "first in two halves outside.",
+        description="interleaved: all families mixed over the thickness. plies: those of a stack "
+        "over each other, the families of each mixed. stacked: the second family of "
+        "a ply above the first, as the normal of the cell or the order of the plies "
+        "points. symmetric: the first family in two halves outside.",
     )
     elements: Literal["quadratic", "as_mesh"] = Field(
         default="quadratic",
-        description="Elements with nodes added in the middle of edges where the mesh has none, or "
-        "as the mesh has them.",
+        description="With nodes added in the middle of edges, or as the mesh has them.",
     )
     material_tolerance: Annotated[float, Number(0.01, Range(0.0, 0.2))] = Field(
         default=0.0,
-        description="Largest relative error of a stiffness by which cells may share a material; "
-        "0 gives every element its own.",
+        description="Largest relative error of the stiffness of cells that share a material; 0 "
+        "gives each its own.",
     )
     units: Literal["m-kg-s", "mm-t-s"] = Field(
         default="m-kg-s", description="Units of the deck; results are in SI."

@@ -72,8 +72,8 @@ class _Closure(OverTime):
     window: Annotated[PositiveTime | None, AbsentMeans("a two-hundredth of the filling's time")] = (
         Field(
             default=None,
-            description="First time window in which resin and textile are brought to agree; "
-            "windows that need many iterations become shorter, others longer.",
+            description="First time window over which resin and textile are iterated; windows of "
+            "many iterations become shorter, others longer.",
         )
     )
     tolerance: Annotated[float, Number(1e-4, POSITIVE)] = Field(
@@ -90,8 +90,8 @@ class _Pressed(_Closure):
         Literal["dry", "wet"] | None, AbsentMeans("wet where the case has [[wetted]], else dry")
     ] = Field(
         default=None,
-        description="The preform at the start: dry, pressed together before the resin comes, so "
-        "that wetted places are full at the pressed thickness; or wet, as thick as it was formed "
+        description="The preform at the start: dry, pressed before the resin comes, so that "
+        "wetted places are full at the pressed thickness; or wet, as thick as formed "
         "where resin is, which first has to leave.",
     )
 
@@ -105,9 +105,7 @@ class Bag(_Pressed):
     pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', one=True, minimum_count=1)] = Field(
         description="Pressure on the bag, or one for each of times, in the system of the vents'."
     )
-    times: Times = Field(
-        default=None, description="Times of the pressures, which are linear between them."
-    )
+    times: Times = Field(default=None, description="Times of the pressures, linear between them.")
 
     @property
     def in_words(self) -> str:
@@ -130,7 +128,7 @@ class Gap(_Closure):
     )
     times: Times = Field(
         default=None,
-        description="Times of the gaps, which are linear between them, in place of closing_time.",
+        description="Times of the gaps, linear between them, in place of closing_time.",
     )
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
         default=None, description="Direction of closing, for the force of the press."
@@ -165,9 +163,7 @@ class Press(_Pressed):
     force: Annotated[tuple[Force, ...], Row('"10 kN"', one=True, minimum_count=1)] = Field(
         description="Force of the press, or one for each of times."
     )
-    times: Times = Field(
-        default=None, description="Times of the forces, which are linear between them."
-    )
+    times: Times = Field(default=None, description="Times of the forces, linear between them.")
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
         default=None, description="Direction of closing."
     )
@@ -203,8 +199,8 @@ class _Opening(NamedPlace):
     )
     stages: AtWork = Field(
         default=None,
-        description="Where resin flows in [[stages]] (with_forming): those in which it is open; "
-        "its times then count from when the first one begins. Left out, all of them.",
+        description="With with_forming: stages in which it is open; its times count from the "
+        "start of the first one. Left out, all stages.",
     )
     opens_on_arrival: Arrival = Field(
         default=None, description="It stays closed until the front arrives at this place."
@@ -248,8 +244,8 @@ class Gate(_Opening):
     ] = Field(default=None, description="Flow rate of the whole gate, or one for each of times.")
     times: Times = Field(
         default=None,
-        description="Times of the pressures or flow rates, which are linear between them and "
-        "constant before and after.",
+        description="Times of pressures or flow rates: linear between them, constant before and "
+        "after.",
     )
     pressure_limit: Annotated[Pressure | None, AbsentMeans("none")] = Field(
         default=None,

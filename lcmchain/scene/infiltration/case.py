@@ -60,8 +60,8 @@ class Preform(SceneModel):
     permeability: OwnPermeability = Field(description="Permeability, with its axes.")
     sets_hold: Literal["nodes or cells", "cells"] = Field(
         default="nodes or cells",
-        description="What the sets of a Nastran deck list, which does not say it: a place that "
-        "takes nodes then takes those of the cells.",
+        description="What the sets of a Nastran deck list, which does not say so itself; a place "
+        "of nodes takes those of the cells.",
     )
 
 
@@ -120,8 +120,8 @@ class WithForming(SceneModel):
 
     window: Annotated[PositiveTime | None, AbsentMeans("a four-hundredth of process.time")] = Field(
         default=None,
-        description="First time window, on the clock of forming, in which resin and textile are "
-        "brought to agree; windows that need many iterations become shorter, others longer.",
+        description="First time window, on the clock of forming, over which resin and textile "
+        "are iterated; windows of many iterations become shorter, others longer.",
     )
     tolerance: Annotated[float, Number(1e-3, POSITIVE)] = Field(
         default=1e-3,
@@ -132,7 +132,7 @@ class WithForming(SceneModel):
     open_faces: Literal["closed", "air"] = Field(
         default="closed",
         description="What a face that no tool touches lets through: nothing, as under a film, so "
-        "that suction may hold the sheet together; or air, which then comes in before the "
+        "that suction may hold the sheet together; or air, which comes in before the "
         "pressure falls below vent_pressure.",
     )
 
@@ -158,8 +158,8 @@ class Region(NamedPlace):
         Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0, 1.0)))] | None, AbsentMeans("as mapped")
     ] = Field(
         default=None,
-        description="Share of the fibres in the volume; with a permeability law of the whole "
-        "infiltration the permeability follows it.",
+        description="Share of the fibres in the volume; a permeability law of the infiltration "
+        "follows it.",
     )
     own_permeability: Annotated[OwnPermeability | None, AbsentMeans("as mapped, or by law")] = (
         Field(
@@ -211,9 +211,7 @@ class ResinFilm(OverTime):
     pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', one=True, minimum_count=1)] = Field(
         description="Pressure on the film, or one for each of times."
     )
-    times: Times = Field(
-        default=None, description="Times of the pressures, which are linear between them."
-    )
+    times: Times = Field(default=None, description="Times of the pressures, linear between them.")
     capillary_pressure: Pressure = Field(
         default="0 MPa",  # type: ignore[assignment]
         description="Pressure that draws the resin into dry textile.",
@@ -241,8 +239,8 @@ class Infiltration(SceneModel):
     ] = ()
     vent_pressure: Pressure = Field(
         default="0 MPa",  # type: ignore[assignment]
-        description="Pressure of the vents and of the air in the dry preform, the least there is; "
-        "all pressures are gauge, or all absolute.",
+        description="Pressure of the vents and of the air in the dry preform, the lowest of all; "
+        "pressures are all gauge, or all absolute.",
     )
     preform: Annotated[Preform | None, AbsentMeans("of the forming result")] = Field(
         default=None,
@@ -251,7 +249,7 @@ class Infiltration(SceneModel):
     permeability: Annotated[Permeability | None, AbsentMeans("of the forming result")] = Field(
         default=None,
         description="Law for the mapped fibre volume fraction and directions, in place of the "
-        "permeabilities of the forming result.",
+        "mapped permeabilities.",
     )
     regions: Annotated[
         tuple[Region, ...],
@@ -270,18 +268,18 @@ class Infiltration(SceneModel):
     )
     flow_medium: Annotated[FlowMedium | None, AbsentMeans("none")] = Field(
         default=None,
-        description="A layer of high permeability on one face, a control volume of its own beside "
-        "the preform: resin runs ahead in it and sinks into the preform.",
+        description="A layer of high permeability on one face: resin runs ahead in it and sinks "
+        "into the preform.",
     )
     closure: Annotated[Closure | None, AbsentMeans("a mould that does not move")] = Field(
         default=None,
-        description="What presses on the part while resin flows: the thickness of every cell then "
-        "follows from it, the pore pressure and the textile's compaction law.",
+        description="What presses on the part while resin flows: the thickness follows from it, "
+        "the pore pressure and the textile's compaction law.",
     )
     with_forming: Annotated[WithForming | None, AbsentMeans("after forming")] = Field(
         default=None,
-        description="Flow while the blank is formed: pore pressure and thickness act on each "
-        "other, and time is what the process takes for the resin. On the formed sheet alone.",
+        description="Flow while the blank is formed, on the sheet itself: pore pressure and "
+        "thickness act on each other, and time is that of the process for the resin.",
     )
     gravity: Annotated[
         Annotated[
@@ -293,8 +291,8 @@ class Infiltration(SceneModel):
     ] = Field(default=None, description="Acceleration of gravity on the resin.")
     trapped_air: Switch = Field(
         default=False,
-        description="Air that the front has enclosed is compressed; without it such air vanishes "
-        "at the pressure of the vents. Needs absolute pressures.",
+        description="Air that the front encloses is compressed; without it such air vanishes at "
+        "the pressure of the vents. Needs absolute pressures.",
     )
     frames: Annotated[int, Number(21, Range(2, 10_000), whole=True)] = Field(
         default=21, description="Saved states, at equal shares of the filled pore volume."

@@ -365,8 +365,8 @@ class ArrheniusResin(_Resin):
     )
     reference_temperature: Annotated[Temperature | None, AbsentMeans("infinite")] = Field(
         default=None,
-        description="Temperature at which the viscosity is the reference viscosity; without it "
-        "that is the factor of exp(E / (R T)).",
+        description="Temperature of the reference viscosity, which without it is the factor of "
+        "exp(E / (R T)).",
     )
     activation_energy: ActivationEnergy = Field(description="Activation energy E.")
 
