@@ -24,8 +24,8 @@ from lcmchain.errors import LcmchainError, UnfinishedRun
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
 
-# So many more objects than there were start a search for garbage. By default a start would spend
-# a fifth of its time on searches among what imported packages have made.
+# The collector of garbage starts after so many new objects. With Python's default, a start of the
+# program would spend a fifth of its time on collections among what imported packages have made.
 OBJECTS_PER_COLLECTION = 100_000
 
 app = typer.Typer(

@@ -84,8 +84,8 @@ def completed_stages(scene: SceneTables) -> dict[str, Any]:
     require_resin(scene)
     done = tuple(_completed(scene, number) for number in range(len(stages)))
     time = math.fsum(stage.time for stage in done)
-    found = [stage for stage in done if stage.time_is_found]
-    if not found and process.quasi_static != 1.0:
+    without_time = [stage for stage in done if stage.time_is_found]
+    if not without_time and process.quasi_static != 1.0:
         raise wrong(
             f"is {process.quasi_static:g}, but the times of all stages are given; leave it out",
             field="process.quasi_static",
@@ -99,14 +99,14 @@ def completed_stages(scene: SceneTables) -> dict[str, Any]:
     tools = []
     for number, tool in enumerate(scene.tools):
         key = f'tools[{number}] "{tool.name}"'
-        if found:
+        if without_time:
             tool = tool.without_time(time, key=key)
         tool = tool.model_copy(update={"motion": course_of(staged, number)})
         tools.append(tool.completed(scene.contact.friction, time, key=key))
     grippers = []
     for number, gripper in enumerate(scene.grippers):
         key = f'grippers[{number}] "{gripper.name}"'
-        if found:
+        if without_time:
             gripper = gripper.without_time(time, key=key)
         grippers.append(gripper.completed(time, key=key))
     return {
@@ -215,9 +215,9 @@ def _require_plies(scene: SceneTables) -> None:
     """Refuse plies that go again or are the first to come, and loads on one before it is there."""
     names = [stage.name for stage in scene.stages]
     for number, ply in enumerate(scene.plies):
-        own = ply.stages or names
-        following = names[min(names.index(name) for name in own) :]
-        if missing := [name for name in following if name not in own]:
+        there = ply.stages or names
+        following = names[min(names.index(name) for name in there) :]
+        if missing := [name for name in following if name not in there]:
             raise wrong(
                 f'leaves out "{missing[0]}", but a ply that has been laid down stays: name all '
                 f"stages from its first one on, {_quoted(following)}",
@@ -310,9 +310,9 @@ def _require_led(gripper: Gripper, stage: Stage, key: str) -> None:
 
 def _require_one_axis(scene: SceneTables, tool: Tool) -> None:
     _require_one_turn(scene, tool)
-    found = list(directions_of(tool, scene.stages))
-    for name, direction in found:
-        if abs(abs(direction @ found[0][1]) - 1.0) > PARALLEL:
+    directions = list(directions_of(tool, scene.stages))
+    for name, direction in directions:
+        if abs(abs(direction @ directions[0][1]) - 1.0) > PARALLEL:
             raise wrong(
                 f'moves "{tool.name}" along another line than before: the travel of a tool counts '
                 "along one line over all stages, either way; give a second tool of the same shape "

@@ -84,10 +84,10 @@ def balance_remedies(measures: Mapping[str, Any], scene: SceneTables) -> list[st
 
     measures : of a summary.
     """
-    found = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
+    entries = ["element.cross_terms"] if getattr(scene.element, "cross_terms", False) else []
     if measures.get("kinetic_to_internal_over_tenth_of_stroke", 0.0) > LARGEST_KINETIC_PART:
-        found += [slowing_entry(scene)] if is_led(scene) else entries_that_slow(scene)
-    return [*found, "process.step_safety"]
+        entries += [slowing_entry(scene)] if is_led(scene) else entries_that_slow(scene)
+    return [*entries, "process.step_safety"]
 
 
 def why_time_is_needed(scene: SceneTables, led: bool) -> str | None:
@@ -116,9 +116,9 @@ def why_time_is_needed(scene: SceneTables, led: bool) -> str | None:
             "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "
             "in a time of their own"
         )
-    given: dict[str, Any] = {"output.history_interval": scene.output.history_interval}
+    times: dict[str, Any] = {"output.history_interval": scene.output.history_interval}
     for index, pressure in enumerate(scene.pressure):
         key = f'pressure[{index}] "{pressure.name}"'
-        given |= {f"{key}.ramp": pressure.ramp, f"{key}.times": pressure.times}
-    found = [key for key, value in given.items() if value is not None]
-    return f"{found[0]} is a time of the process" if found else None
+        times |= {f"{key}.ramp": pressure.ramp, f"{key}.times": pressure.times}
+    with_times = [key for key, value in times.items() if value is not None]
+    return f"{with_times[0]} is a time of the process" if with_times else None

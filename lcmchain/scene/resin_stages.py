@@ -77,18 +77,18 @@ def _resin_stages(
 
 def _resin_times(stages: Sequence[Stage], case: Infiltration) -> list[float]:
     """Return what every stage takes for the resin [s]; 0 where none flows."""
-    given = math.fsum(stage.resin_time or 0.0 for stage in stages)
+    taken = math.fsum(stage.resin_time or 0.0 for stage in stages)
     sharing = [stage for stage in stages if not stage.rest and stage.resin_time is None]
-    left = case.time - given
+    left = case.time - taken
     if not sharing and abs(left) > 1e-9 * case.time:
         raise wrong(
-            f"is {case.time:g} s, but the stages take {given:g} s by their resin_time; give the "
+            f"is {case.time:g} s, but the stages take {taken:g} s by their resin_time; give the "
             "same, or leave out the resin_time of one of them",
             field="infiltration.time",
         )
     if sharing and left <= 1e-9 * case.time:
         raise wrong(
-            f"is {case.time:g} s, but other stages take {given:g} s by their resin_time, and "
+            f"is {case.time:g} s, but other stages take {taken:g} s by their resin_time, and "
             f'nothing is left for the stage "{sharing[0].name}"; give a longer time, or its own '
             "resin_time",
             field="infiltration.time",
@@ -184,16 +184,16 @@ def _on_the_clock(place: Gate | Vent, stages: Sequence[ResinStage], key: str) ->
     for name in named:
         if name not in names:
             raise wrong(f'names "{name}", {no_such(name, names, "stage")}', field=key)
-    own = sorted(names.index(name) for name in named)
+    numbers = sorted(names.index(name) for name in named)
     flowing = [number for number, stage in enumerate(stages) if stage.flows]
-    first, last = own[0], own[-1]
-    if not any(number in flowing for number in own):
+    first, last = numbers[0], numbers[-1]
+    if not any(number in flowing for number in numbers):
         raise wrong(
             f'names "{names[first]}", which ends at rest: no resin flows in it; name another stage',
             field=key,
         )
     for number in flowing:
-        if first < number < last and number not in own:
+        if first < number < last and number not in numbers:
             raise wrong(
                 f'leaves out "{names[number]}", which lies between the others; name stages that '
                 "follow one another, or give a second entry",

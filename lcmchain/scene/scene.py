@@ -481,14 +481,16 @@ class Scene(SceneModel):
         for index, gripper in enumerate(self.grippers):
             key = f'grippers[{index}] "{gripper.name}"'
             grippers.append(gripper.without_time(time, key=key).completed(time, key=key))
-        found = {"time": time}
+        filled_in = {"time": time}
         if "mass_damping" not in process.model_fields_set:
-            found["mass_damping"] = DAMPING_TIMES_TIME / time
+            filled_in["mass_damping"] = DAMPING_TIMES_TIME / time
         if process.damping_average is None:
-            found["damping_average"] = AVERAGING_PART * time
+            filled_in["damping_average"] = AVERAGING_PART * time
         # the scene is frozen for everybody else
         self.__dict__.update(
-            process=process.model_copy(update=found), tools=tuple(tools), grippers=tuple(grippers)
+            process=process.model_copy(update=filled_in),
+            tools=tuple(tools),
+            grippers=tuple(grippers),
         )
         self._time_is_found = True
         return self
@@ -525,10 +527,10 @@ class Scene(SceneModel):
     @property
     def infiltrations(self) -> dict[str, tuple[Infiltration, MappingTarget | None]]:
         """Infiltrations by the name of their files, each with its mesh, None for the sheet."""
-        found: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
+        by_name: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
         if self.infiltration is not None:
-            found[SHEET_NAME] = self.infiltration, None
+            by_name[SHEET_NAME] = self.infiltration, None
         for target in self.mapping:
             if target.infiltration is not None:
-                found[target.name] = target.infiltration, target
-        return found
+                by_name[target.name] = target.infiltration, target
+        return by_name

@@ -149,12 +149,12 @@ class PlySettings:
 
     def remarks(self, mesh: BlankMesh) -> list[str]:
         """Say where the elements of the ply are too large for its outline."""
-        found = [self.in_own_words(text) for text in mesh.remarks()]
+        remarks = [self.in_own_words(text) for text in mesh.remarks()]
         if self.blank.left_out:
-            found.append(
+            remarks.append(
                 f"{self.key}.drawing holds what is no contour, left out: {self.blank.left_out}"
             )
-        return found
+        return remarks
 
 
 @dataclass(frozen=True)
@@ -369,16 +369,17 @@ def stack_of(scene: PlyTables) -> Stack:
     laid: list[PlySettings] = []
     for index, entry in enumerate(scene.plies or _plies_of_layup(scene)):
         key = f'plies[{index}] "{entry.name}"' if scene.plies else "blank"
-        own = entry.material
+        name = entry.material
+        material = _material_of(scene) if name is None else scene.materials[name]
         ply = PlySettings(
             name=str(entry.name),
             blank=entry,
             center=entry.center,
-            material=_material_of(scene) if own is None else scene.materials[own],
+            material=material,
             element=entry.element or scene.element,
             fibre_modulus_factor=factor,
             key=key,
-            material_key="material" if own is None else f"materials.{own}",
+            material_key="material" if name is None else f"materials.{name}",
             element_key="element" if entry.element is None else f"{key}.element",
             film=entry.film,
             stages=entry.stages,

@@ -180,12 +180,12 @@ def stage_plans(scene: SceneTables, written: Mapping[str, Any]) -> tuple[StagePl
         start, end = starts[number], starts[number + 1]
         motions, load_starts = [], []
         for index, tool in enumerate(tools):
-            own = stage.motions.get(tool.name)
+            of_stage = stage.motions.get(tool.name)
             works = at_work(tool, stage)
-            motion = own or (tool.motion if works else FixedMotion())
+            motion = of_stage or (tool.motion if works else FixedMotion())
             before = plans[-1] if plans else None
             goes_on = (
-                own is None and before is not None and before.motions[index] is motion
+                of_stage is None and before is not None and before.motions[index] is motion
                 and before.tools[index]
             )  # fmt: skip
             motions.append(motion)

@@ -207,8 +207,8 @@ class Load(Place):
     def _check_load(self) -> Self:
         given = [k for k in ("force", "pressure", "acceleration") if getattr(self, k) is not None]
         if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise wrong(f"needs one of force, pressure and acceleration, but has {found}")
+            named = " and ".join(given) or "none"
+            raise wrong(f"needs one of force, pressure and acceleration, but has {named}")
         if self.kind == "force":
             _require_one_way(self)
         if self.kind == "acceleration" and self.ways:
@@ -220,8 +220,8 @@ class Load(Place):
 
 def _require_one_way(place: Place) -> None:
     if len(place.ways) != 1:
-        found = " and ".join(place.ways) or "none"
-        raise wrong(f"needs one of set, plane, point and edge = true, but has {found}")
+        named = " and ".join(place.ways) or "none"
+        raise wrong(f"needs one of set, plane, point and edge = true, but has {named}")
 
 
 class Structure(SceneModel):
