@@ -10,10 +10,9 @@ import typer
 
 from lcmchain.commands.after_forming import fill, map_fields, structure
 from lcmchain.commands.cosim import cosim, precice
-from lcmchain.commands.coupon import coupon_app
+from lcmchain.commands.coupon import coupon_app, identify_app
 from lcmchain.commands.docs import docs, schema
 from lcmchain.commands.fmu import fmu_app
-from lcmchain.commands.identify import identify_app
 from lcmchain.commands.new import import_app, new_app
 from lcmchain.commands.pattern import pattern_app
 from lcmchain.commands.run import check, run
