@@ -106,46 +106,44 @@ def bench(
     if unit:
         from lcmchain.fmu.benchmark import run_unit_bench
 
-        show_whole(run_unit_bench())
-        return
-    if filling:
+        table = run_unit_bench()
+    elif filling:
         from lcmchain.coupling.infiltration.benchmark import run_filling_bench
 
-        show_whole(run_filling_bench())
-        return
-    if mapping:
+        table = run_filling_bench()
+    elif mapping:
         from lcmchain.mapping.benchmark import run_mapping_bench
 
-        show_whole(run_mapping_bench())
-        return
-    if parts:
+        table = run_mapping_bench()
+    elif parts:
         from lcmchain.bench import run_part_bench
 
-        show_whole(run_part_bench(json_file))
-        return
-    if effects:
+        table = run_part_bench(json_file)
+    elif effects:
         from lcmchain.bench import run_effect_bench
 
-        show_whole(run_effect_bench(json_file))
-        return
-    if stacks:
+        table = run_effect_bench(json_file)
+    elif stacks:
         from lcmchain.bench import run_stack_bench
 
-        show_whole(run_stack_bench(json_file))
-        return
-    if laws:
+        table = run_stack_bench(json_file)
+    elif laws:
         from lcmchain.bench import run_law_bench
 
-        show_whole(run_law_bench(json_file))
-        return
-    if peers:
+        table = run_law_bench(json_file)
+    elif peers:
         from lcmchain.bench.peers import run_peer_bench
 
-        show_whole(run_peer_bench(json_file))
-        return
-    from lcmchain.bench import run_bench, run_size_bench
+        table = run_peer_bench(json_file)
+    elif sizes:
+        from lcmchain.bench import run_size_bench
 
-    show_whole(run_size_bench(json_file) if sizes else run_bench(json_file))
+        table = run_size_bench(json_file)
+    else:
+        from lcmchain.bench import run_bench
+
+        table = run_bench(json_file)
+    show_whole(table)
 
 
 def _write_markdown(out: Path | None, text: str) -> None:

@@ -160,11 +160,11 @@ def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
             message += f"\n  {match[1]} | {line}"
             if re.fullmatch(r"[\w.\-\"]+\s*=\s*[+-]?[\d.]+(e[+-]?\d+)?\s*[A-Za-zµ°].*", line):
                 message += '\n  values with units stand in quotes, for example "5 mm"'
-        raise InputError(message, file=_place(path)) from None
+        raise InputError(message, file=_document_name(path)) from None
     except RecursionError:
-        raise InputError("has brackets nested far too deeply", file=_place(path)) from None
+        raise InputError("has brackets nested far too deeply", file=_document_name(path)) from None
     except ValueError as error:  # a number of thousands of digits
-        raise InputError(f"is not valid TOML: {error}", file=_place(path)) from None
+        raise InputError(f"is not valid TOML: {error}", file=_document_name(path)) from None
 
 
 def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
@@ -174,7 +174,7 @@ def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
         raise input_error([problem], path)
 
 
-def _place(path: Path | None) -> str:
+def _document_name(path: Path | None) -> str:
     return "scene text" if path is None else str(path)
 
 
@@ -194,7 +194,7 @@ def input_error(problems: list[Problem], path: Path | None, *, unexplained: int 
     count = len(problems) + unexplained
     if len(lines) < count:
         lines.append(f"\n  and {count - len(lines):,} more")
-    return InputError(f"has {count:,} errors:{''.join(lines)}", file=_place(path))
+    return InputError(f"has {count:,} errors:{''.join(lines)}", file=_document_name(path))
 
 
 def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
@@ -296,7 +296,7 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
     """Return the first entry of a parsed document that is nested too deeply or far too long."""
     waiting: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
     while waiting:
-        place, value = waiting.pop()
+        location, value = waiting.pop()
         inner: list[tuple[str | int, Any]] = []
         complaint = None
         if isinstance(value, dict):
@@ -311,11 +311,11 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
             inner = list(enumerate(value))
         else:
             complaint = _complaint(value)
-        if inner and len(place) == MOST_LEVELS:
+        if inner and len(location) == MOST_LEVELS:
             complaint = f"is nested more than {MOST_LEVELS} levels deep; no entry of a scene is"
         if complaint:
-            return Problem(shortened(key_text(place, data)), complaint)
-        waiting += [((*place, step), entry) for step, entry in inner]
+            return Problem(shortened(key_text(location, data)), complaint)
+        waiting += [((*location, step), entry) for step, entry in inner]
     return None
 
 
