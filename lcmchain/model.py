@@ -479,13 +479,7 @@ def assemble_bodies(
         time_is_found=finds_pace,
         resists_rates=any(knows_step(sheet.material.law) for sheet in sheets),
     )
-    bodies: list[Body] = []
-    first_node = first_element = 0
-    for name, mesh, material, element in sheets:
-        family = family_of(element)
-        bodies.append(family.build(name, mesh, material, element, first_node, first_element))
-        first_node += mesh.node_count
-        first_element += mesh.element_count
+    bodies = _built_bodies(sheets)
     # those together that the loop takes as one
     order = [number for kind in kinds_of([body.data for body in bodies]) for number in kind]
     placed = _placed(bodies, order)
@@ -494,11 +488,8 @@ def assemble_bodies(
     offset = np.concatenate([np.full(b.mesh.node_count, b.contact_offset) for b in bodies])
     thickness = min(body.material.thickness for body in bodies)
     absent = absent_nodes(bodies, stages, stages[0]) if stages else None
-    if absent is None:
-        tools = without_initial_overlap(tools, positions, offset, thickness)
-    else:
-        there = ~absent
-        tools = without_initial_overlap(tools, positions[there], offset[there], thickness)
+    there = slice(None) if absent is None else ~absent
+    tools = without_initial_overlap(tools, positions[there], offset[there], thickness)
     grips = grips_of(grippers, bodies)
     holding = [grip.support(process.time) for grip in grips if not grip.settings.pulls]
     supports = [*supports, *holding]
@@ -519,20 +510,16 @@ def assemble_bodies(
     mass = np.concatenate([body.inertial_mass for body in bodies])
     area = np.concatenate([body.node_area for body in bodies])
     materials = [body.material for body in bodies]
-    gap = closed = math.inf
+    pressure = _pressures_on_faces(face_pressures, bodies, order, float(process.time))
+    gap, closed = math.inf, 0.0
     if absent is not None:
         gap, closed = _closing_by_stages(tools, bodies, float(process.time), stages)
     elif contact.penalty is None or len(bodies) > 1:  # else it decides nothing
         gap = gap_left(tools, [body.mesh for body in bodies], float(process.time), stages)
-    pressure = _pressures_on_faces(face_pressures, bodies, order, float(process.time))
-    expected = 0.0
-    if len(bodies) > 1:
-        bag = 0.0 if pressure is None else pressure.largest
-        expected = max(pressure_in_gap(gap, materials) if absent is None else closed, bag)
-    stiff_enough = expected / (DEEPEST_EXPECTED * thickness)
+        closed = pressure_in_gap(gap, materials) if len(bodies) > 1 else 0.0
     penalties: list[float] = []  # [Pa/m] of each ply, where anything asks for them
     if contact.penalty is None or interfaces:
-        penalties = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
+        penalties = _automatic_penalties(bodies, closed, pressure)
     penalty = min(penalties) if contact.penalty is None else contact.penalty
     depth_rate = 2.0 * contact.damping_ratio * float(np.sqrt(penalty * area / mass).min())
 
@@ -547,6 +534,26 @@ def assemble_bodies(
         there=[plan.plies for plan in stages] if absent is not None else (),
     )
     force_slot = _force_slots(bodies, placed, fibre_bending, last_force)
+    nodes = NodeData(
+        force_slot=force_slot,
+        chunk_start=chunk_start,
+        chunk_order=_chunk_order(force_slot, placed, chunk_start),
+        mass=aligned(mass),
+        inverse_mass=aligned(1.0 / mass),
+        area=aligned(area),
+        impedance=aligned(np.sqrt(area * mass)),
+        free=free,
+        offset=aligned(offset),
+    )
+    environment = Environment(
+        penalty=float(penalty),
+        tangential_ratio=float(contact.tangential_ratio),
+        contact_damping_ratio=float(contact.damping_ratio),
+        depth_time=depth_time,
+        depth_stiffening=depth_stiffening,
+        mass_damping=float(process.mass_damping),
+        gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
+    )
     model = Model(
         bodies=tuple(bodies),
         interfaces=tuple(interfaces),
@@ -556,17 +563,7 @@ def assemble_bodies(
         face_pressure=pressure,
         ply_contact=contacts[0] if contacts else None,
         corner_force_size=last_force + EMPTY_ROWS,
-        nodes=NodeData(
-            force_slot=force_slot,
-            chunk_start=chunk_start,
-            chunk_order=_chunk_order(force_slot, placed, chunk_start),
-            mass=aligned(mass),
-            inverse_mass=aligned(1.0 / mass),
-            area=aligned(area),
-            impedance=aligned(np.sqrt(area * mass)),
-            free=free,
-            offset=aligned(offset),
-        ),
+        nodes=nodes,
         grips=grips,
         grippers=gripper_table(
             [grip for grip in grips if grip.settings.pulls],
@@ -579,15 +576,7 @@ def assemble_bodies(
         tool_names=tuple(tool_names),
         supports=support_table,
         support_names=tuple(support.name for support in supports),
-        environment=Environment(
-            penalty=float(penalty),
-            tangential_ratio=float(contact.tangential_ratio),
-            contact_damping_ratio=float(contact.damping_ratio),
-            depth_time=depth_time,
-            depth_stiffening=depth_stiffening,
-            mass_damping=float(process.mass_damping),
-            gravity=weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
-        ),
+        environment=environment,
         averaging=process.damping_average if process.mass_damping > 0.0 else None,
         pace=pace_law(bodies, float(process.time), process.quasi_static) if finds_pace else None,
         automatic_penalty=contact.penalty is None,
@@ -611,6 +600,35 @@ def assemble_bodies(
             depth_time=lambda time: depths(time)[0],
         ),
     )
+
+
+def _built_bodies(sheets: Sequence[Sheet]) -> list[Body]:
+    """Return the bodies of sheets, numbered one after the other."""
+    bodies: list[Body] = []
+    first_node = first_element = 0
+    for name, mesh, material, element in sheets:
+        family = family_of(element)
+        bodies.append(family.build(name, mesh, material, element, first_node, first_element))
+        first_node += mesh.node_count
+        first_element += mesh.element_count
+    return bodies
+
+
+def _automatic_penalties(
+    bodies: Sequence[Body], closed: float, pressure: FacePressure | RegionalPressure | None
+) -> list[float]:
+    """Return the contact stiffness of each ply [Pa/m].
+
+    It grows with the frequency of the elements. In a stack it is at least so stiff that springs
+    give way by a small part of the thickness.
+
+    closed : pressure in the gap that tools leave for a stack [Pa]. pressure : on faces.
+    """
+    expected = 0.0
+    if len(bodies) > 1:
+        expected = max(closed, 0.0 if pressure is None else pressure.largest)
+    stiff_enough = expected / (DEEPEST_EXPECTED * min(body.material.thickness for body in bodies))
+    return [max(_automatic_penalty(body), stiff_enough) for body in bodies]
 
 
 def _closing_by_stages(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, Protocol
 
 import typer
 
@@ -37,10 +37,21 @@ from lcmchain.commands.terminal import (
 )
 from lcmchain.errors import InputError
 
-if TYPE_CHECKING:
-    from lcmchain.coupling.infiltration.report import FillingReport
-    from lcmchain.coupling.infiltration.stage import FillOptions
-    from lcmchain.mapping import MappingOptions, MappingReport
+
+class MappingReport(Protocol):
+    """What a mapping tells; the chain itself is imported when a command runs."""
+
+    @property
+    def warnings(self) -> Sequence[str]: ...
+    def summary(self) -> str: ...
+
+
+class FillingReport(MappingReport, Protocol):
+    """What a filling tells."""
+
+    @property
+    def files(self) -> Mapping[str, str]: ...
+
 
 # --- map: fields of the formed blank on another mesh ----------------------------------------------
 
@@ -304,13 +315,13 @@ def fill(
     require_none(warnings, strict=strict)
 
 
-def _options(frame: int, allow_incomplete: bool, resume: bool) -> FillOptions:
+def _options(frame: int, allow_incomplete: bool, resume: bool) -> Any:
     from lcmchain.coupling.infiltration.stage import FillOptions
 
     return FillOptions(frame=frame, allow_incomplete=allow_incomplete, resume=resume)
 
 
-def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> MappingOptions:
+def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> Any:
     from lcmchain.mapping import MappingOptions
 
     distance = _distance(maximum_distance)
@@ -327,8 +338,8 @@ def _fill_file(
     out: Path | None,
     name: str,
     overrides: Sequence[str],
-    mapping: MappingOptions,
-    options: FillOptions,
+    mapping: Any,
+    options: Any,
     quiet: bool,
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill a forming result or a mapped file with the case of a file."""
@@ -358,7 +369,7 @@ def _fill_file(
 
 
 def _fill_scene(
-    path: Path, out: Path | None, overrides: Sequence[str], options: FillOptions, quiet: bool
+    path: Path, out: Path | None, overrides: Sequence[str], options: Any, quiet: bool
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill as a scene says, from its forming results in the folder."""
     from lcmchain.scene import read_scene

@@ -124,6 +124,7 @@ def test_temperatures():
         ),
         ({**CASTRO, "exponent_slope": -5}, "must be positive there"),
         ({**CASTRO, "preset": "AroCy"}, 'did you mean "AroCy-L10"'),
+        ({**CASTRO, "preset": ["AroCy-L10"]}, "there is no preset"),
         ({**CONSTANT, "temperature": {**WARM, "value": "-300 degC"}}, "be positive"),
         (
             {**CONSTANT, "temperature": {
