@@ -14,7 +14,7 @@ from lcmchain.fields.sheet import face_normals, families_of, vector
 from lcmchain.fields.stages import with_stages
 from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 if TYPE_CHECKING:

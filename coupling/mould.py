@@ -32,7 +32,7 @@ from lcmchain.coupling.solids.closures import value_at
 from lcmchain.coupling.solids.compaction_law import CompactionLaw
 from lcmchain.coupling.solids.local import LocalCompaction
 from lcmchain.coupling.solids.stack_compaction import compaction_of
-from lcmchain.scene import boundaries as scene
+from lcmchain.scene.infiltration import boundaries as scene
 
 # --- A mould that closes on a part while resin flows: textile and resin, brought to agree -------
 

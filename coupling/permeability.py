@@ -23,7 +23,7 @@ from lcmchain.coupling.measured_permeability import (
 )
 from lcmchain.coupling.principal_permeability import PrincipalPermeabilities, unit, within
 from lcmchain.errors import InputError
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 
 LAWS = ("gebart", "kozeny_carman")
 

@@ -25,8 +25,8 @@ from fmpy.fmi3 import FMU3Slave
 from rich.table import Table
 
 from lcmchain.bench.hemisphere import SCENE
+from lcmchain.bench.measure import resident_memory
 from lcmchain.fmu.build import build_fmu
-from lcmchain.memory_use import resident_memory
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 

@@ -28,7 +28,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     if path.is_dir():
         raise InputError("is a folder; name a file in it", file=path)
-    announce(path)  # before anything of it is there, so that a killed process leaves no stranger
+    announce(path)  # first, so that a killed process leaves no file that nobody has heard of
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(
@@ -75,7 +75,7 @@ def announcing(listener: Callable[[Path], None]) -> Iterator[None]:
 
 @contextmanager
 def protecting(inputs: Iterable[Path]) -> Iterator[Callable[[Path], None]]:
-    """Let no file appear during the block where one of these lies; give the check itself.
+    """Refuse to write over any of these files during the block; give the check itself.
 
     Raises
     ------

@@ -1,15 +1,16 @@
-"""The first run on a machine: its loops compiled by two processes, and told one by one.
+"""The first run on a machine: two processes compile its loops, and report them one by one.
 
-Numba compiles one function at a time in a process. Here a second process compiles what the first
-has not come to, into the same folder on disk, from which the first then reads it.
+Numba compiles one function at a time in a process. Here a second process compiles loops that the
+first has not come to. It writes them to the same folder on disk, from which the first reads them.
 
-The first begins with the loop over the steps, which takes about as long as all others together. It
-starts the second one when numba begins to compile that loop: a run that finds it on disk starts
-none. Then it works through the others from the end of the list, the second one from its beginning.
+The first process begins with the loop over the steps, which takes about as long as all others
+together. When numba begins to compile that loop, it starts the second process; a run that has the
+loop on disk starts none. Then the first process takes the other loops from the end of the list, and
+the second one from its beginning.
 
 Where no second process can be started, or where it fails, the first compiles everything.
 
-Where the steps leave cores free, the second process goes on with what the stages after them call.
+Where the steps leave cores free, the second process goes on with the stages after them.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ PROGRAM = (
 )
 
 
-#: What the second process says of its work, a line each; the first two with the name of a loop.
+#: Lines in which the second process reports its work; the first two name a loop.
 BEGIN, END, LOOPS_DONE = "begin", "end", "loops done"
 
 #: File in the folder that both share, for what the second process says on its error stream.

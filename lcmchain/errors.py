@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,14 +60,21 @@ class OutputError(LcmchainError):
         )
 
 
+class RunResult(Protocol):
+    """What an error keeps of a run: see :class:`lcmchain.pipeline.Result`."""
+
+    @property
+    def summary(self) -> dict[str, Any]: ...
+
+
 class UnfinishedRun(LcmchainError):
     """A run that did not come to its end (exit code 1).
 
-    ``result`` is the :class:`lcmchain.pipeline.Result` that it has left, None where it has none;
-    ``where`` says which frames lie where.
+    ``result`` is what it has left, None where that is nothing; ``where`` says which frames lie
+    where.
     """
 
-    result: Any = None
+    result: RunResult | None = None
     where: str = ""
 
 
@@ -86,10 +93,10 @@ class StrictError(LcmchainError):
 class MappingError(InputError):
     """Meshes that a finished forming run could not be mapped onto (exit code 2).
 
-    ``result`` is the :class:`lcmchain.pipeline.Result` of the run: its files are complete.
+    ``result`` is that of the run: its files are complete.
     """
 
-    def __init__(self, message: str, result: Any) -> None:
+    def __init__(self, message: str, result: RunResult) -> None:
         self.result = result
         super().__init__(message)
 

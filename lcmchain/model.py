@@ -28,7 +28,7 @@ from lcmchain.effects.pressures import pressures_of
 from lcmchain.effects.regional_pressure import RegionalPressure, build_regional_pressure
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import EMPTY_ROWS, LANES, NODE_CHUNK
-from lcmchain.elements.families import family_of
+from lcmchain.elements.families import SheetElement, family_of
 from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import PressedElements, pressed_elements
 from lcmchain.elements.solid_shell.together import kinds_of
@@ -38,11 +38,12 @@ from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import by_node
-from lcmchain.scene import Contact, Element, Process
+from lcmchain.scene import Contact, Element, Process, Scene
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.scene.process import require_time_for_fluid, require_time_for_rates
+from lcmchain.scene.stack import PlySettings
 from lcmchain.scene.stages import StagePlan, number_at
-from lcmchain.stages import StageTables, absent_nodes, stage_tables
+from lcmchain.stages import StageStart, StageTables, absent_nodes, stage_tables
 from lcmchain.tools.motion import STANDARD_GRAVITY
 from lcmchain.tools.table import ToolTable, build_tool_table, without_initial_overlap
 
@@ -61,7 +62,7 @@ class Sheet(NamedTuple):
     name: str
     mesh: Any
     material: Material
-    element: Any
+    element: SheetElement
 
 
 class PlacedBody(NamedTuple):
@@ -200,7 +201,7 @@ class Model:
         number = number_at([stage.end for stage in self.stages], time)
         return self.stages[number].tools_at_work
 
-    def in_stage(self, number: int, state: Any) -> Model:
+    def in_stage(self, number: int, state: StageStart) -> Model:
         """Return the model in a stage, of which the state says where it began."""
         return self.stages[number].model(self, number, self.whole, state)
 
@@ -355,7 +356,7 @@ class Model:
 
 
 def build_model(
-    scene: Any,
+    scene: Scene,
     supports: Callable[[Any], Sequence[Support]] = lambda mesh: (),
     *,
     pore_pressure: bool = False,
@@ -399,7 +400,7 @@ def build_model(
     )
 
 
-def sheet_of(ply: Any) -> Sheet:
+def sheet_of(ply: PlySettings) -> Sheet:
     """Return what the body of a ply of a scene (``Scene.stack``) is built from.
 
     Raises
@@ -424,7 +425,7 @@ def _supports_of(
     return found
 
 
-def assemble_model(mesh: Any, material: Material, element: Any, **others: Any) -> Model:
+def assemble_model(mesh: Any, material: Material, element: SheetElement, **others: Any) -> Model:
     """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
     return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
 
@@ -434,8 +435,8 @@ def assemble_bodies(
     *,
     tools: ToolTable,
     tool_names: Sequence[str],
-    contact: Any,
-    process: Any,
+    contact: Contact,
+    process: Process,
     supports: Sequence[Support] = (),
     history_interval: float = math.inf,
     face_pressures: Sequence[PressureOnFace] = (),
@@ -452,7 +453,7 @@ def assemble_bodies(
 
     Parameters
     ----------
-    contact, process : tables of a scene, or the like.
+    contact, process : tables of a scene.
     supports : of nodes of the model.
     history_interval : between two samples of the histories [s]; none by default.
     face_pressures : on the faces of all sheets.
@@ -567,7 +568,7 @@ class _LaidOut(NamedTuple):
     last_force: int
 
 
-def _laid_out(sheets: Sequence[Sheet], process: Any) -> _LaidOut:
+def _laid_out(sheets: Sequence[Sheet], process: Process) -> _LaidOut:
     """Build the bodies of all sheets, one behind the other in the numbers of nodes and elements."""
     bodies: list[Body] = []
     first_node = first_element = 0
@@ -645,7 +646,7 @@ class _ContactStiffness(NamedTuple):
 
 
 def _contact_stiffness(
-    contact: Any,
+    contact: Contact,
     tools: ToolTable,
     bodies: Sequence[Body],
     pressure: FacePressure | RegionalPressure | None,
@@ -707,7 +708,9 @@ def _pressures_on_faces(
     return build_regional_pressure(entries, bodies, order, time)
 
 
-def assemble_sheet(blank: BlankMesh, material: Material, element: Any = None) -> Model:
+def assemble_sheet(
+    blank: BlankMesh, material: Material, element: SheetElement | None = None
+) -> Model:
     """Build the model of a sheet without tools, for statics and vibrations.
 
     ``element`` holds the choices of a scene's ``[element]`` table; the defaults are the scene's.

@@ -20,15 +20,12 @@ from lcmchain.compilation.threads import use_threads
 from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
-from lcmchain.fingerprint import run_fingerprint
-from lcmchain.forming_run import FormingRun, Progress
-from lcmchain.provenance import provenance
+from lcmchain.forming_run import FormingRun, Progress, RunAccount, state_after
+from lcmchain.provenance import provenance, run_fingerprint
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, stopped
-from lcmchain.run_account import RunAccount, state_after
 from lcmchain.run_files import expected_files, input_files, require_free_names
 from lcmchain.scene import Infiltration, MappingTarget, Scene
-from lcmchain.scene.output import NO_FILM
-from lcmchain.scene.scene import SHEET_NAME
+from lcmchain.scene.output import NO_FILM, SHEET_NAME
 from lcmchain.scene.stages import number_of_stage
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot

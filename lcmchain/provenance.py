@@ -1,20 +1,131 @@
-"""Where a result comes from: scene and files with their hashes, versions, machine, date."""
+"""Where a result comes from: what decides its numbers, as hashes; versions, machine, date.
+
+The hashes of what decides the numbers are recorded as ``run_fingerprint`` in ``summary.json``, in
+checkpoints and in the saved states of forming units, none of which may outlive a change of it. It
+is not ``scene_sha256``: that is the hash of the text of a scene file, which a scene built in Python
+does not have, and which says nothing about the files that a scene names.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import platform
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lcmchain import __version__
+from lcmchain.compilation.cache import source_hash
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
+
+
+# --- what decides the numbers of a forming run ----------------------------------------------------
+
+
+# Tables of a scene that are applied to the saved frames, after forming; its title; and how it would
+# be draped, which no run with checkpoints is.
+AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration", "fmu", "draping"}
+
+
+class Fingerprint(NamedTuple):
+    """Hashes of the parts that decide the numbers of a forming run.
+
+    scene : of the validated values, in SI; of a scene built in Python as of one from a file.
+    files : of the contents of the mesh files that its tools name, and of what the drawings of its
+        blanks hold.
+    sources : of the source files of lcmchain. A version would not tell two states of a
+        development install apart. Processor and numba may change the last bits and are left out.
+    """
+
+    scene: str
+    files: str
+    sources: str
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all parts."""
+        return hashlib.sha256(json.dumps(self).encode()).hexdigest()
+
+    def difference(self, other: Fingerprint) -> str:
+        """Say in words what differs from another run, empty if nothing does."""
+        words = {
+            "scene": "another scene (or other --set values)",
+            "files": "other contents of the mesh files of its tools, or of its drawings",
+            "sources": "other source files of lcmchain",
+        }
+        mine, others = self._asdict(), other._asdict()
+        return " and ".join(text for part, text in words.items() if mine[part] != others[part])
+
+
+def run_fingerprint(scene: Scene) -> Fingerprint:
+    """Return the fingerprint of the forming run of a scene.
+
+    Entries that are applied to the saved frames (title, ``[output]``, ``[[mapping]]``,
+    ``[permeability]``, ``[infiltration]``, ``[fmu]``) are left out: a finished forming run serves a
+    changed mapping. So is ``[draping]``, except where the blank is draped. An infiltration that
+    goes on while the blank is formed counts.
+
+    Raises
+    ------
+    InputError : a file that a tool names cannot be read.
+    """
+    values = json.dumps(forming_values(scene), sort_keys=True)
+    return Fingerprint(
+        scene=hashlib.sha256(values.encode()).hexdigest(),
+        files=_file_hash(scene),
+        sources=_sources(),
+    )
+
+
+def forming_values(scene: Scene) -> dict[str, Any]:
+    """Return the entries of a scene that decide the numbers of its forming run, in plain values."""
+    values: dict[str, Any] = scene.model_dump(mode="json", exclude=AFTER_FORMING)
+    values["history_interval"] = scene.history_interval  # the one entry of [output] that forms
+    if scene.element.type == "kinematic":
+        values |= scene.model_dump(mode="json", include={"draping"})
+    if scene.wet_forming is not None:
+        forms = ("infiltration", "permeability")
+        values |= scene.model_dump(mode="json", include=set(forms))
+    return values
+
+
+@cache
+def _sources() -> str:
+    """Hash of the sources when this process first asked: a unit asks at every instantiation."""
+    return source_hash()
+
+
+def _file_hash(scene: Scene) -> str:
+    """Hash the mesh files that tools name, and what the drawings of blanks hold."""
+    digest = hashlib.sha256()
+    for tool in scene.tools:
+        name = getattr(tool.shape, "file", None)
+        if name is None:
+            continue
+        digest.update(_sha256(Path(scene.source.directory) / name))
+    for blank in (scene.blank, *scene.plies):
+        if blank is not None and blank.drawing is not None:
+            digest.update(json.dumps(blank.shape).encode())
+    return digest.hexdigest()
+
+
+def _sha256(path: Path) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, "sha256").digest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from None
+
+
+# --- what a summary says of it, and lcmchain --version --------------------------------------------
+
 
 #: Libraries whose version may change the last bits of a result, or how its files are written.
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "xarray", "netCDF4", "meshio")
@@ -39,7 +150,7 @@ def provenance(scene: Scene, *, run_fingerprint: str, threads: int) -> dict[str,
     Parameters
     ----------
     scene : the scene; its text is in ``forming.nc`` and in the report.
-    run_fingerprint : of :func:`lcmchain.fingerprint.run_fingerprint`.
+    run_fingerprint : of :func:`run_fingerprint`.
     threads : of the compiled loops.
 
     Raises
@@ -76,7 +187,11 @@ def scene_files(scene: Scene) -> list[dict[str, str]]:
     ]
     named += [(f'mapping "{target.name}".mesh', target.mesh) for target in scene.mapping]
     return [
-        {"key": key, "file": str(file), "sha256": _sha256(scene.source.directory / file)}
+        {
+            "key": key,
+            "file": str(file),
+            "sha256": _sha256(scene.source.directory / file).hex(),
+        }
         for key, file in named
     ]
 
@@ -120,11 +235,3 @@ def processor() -> str:
     except OSError:
         pass  # another system than Linux
     return platform.processor() or platform.machine()
-
-
-def _sha256(path: Path) -> str:
-    try:
-        with open(path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from None

@@ -9,19 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, common_times
-from lcmchain.effects.grippers import RAMP_PART, Grip, GripperTable
+from lcmchain.effects.grippers import RAMP_PART, Grip, Gripper, GripperTable
 from lcmchain.effects.pace import PaceLaw, pace_law
 from lcmchain.effects.regional_pressure import RegionalPressure, regional_shares
 from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, translation
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.scene.stages import StagePlan
-from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED
+from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, StrokeMotion, TableMotion
 from lcmchain.tools.motion.base import TABULATED
 from lcmchain.tools.motion.prescribed import travel_along
 from lcmchain.tools.table import ToolTable
@@ -32,6 +33,21 @@ MOTION_COLUMNS = (
     "travel_start", "stop", "until_force", "stroke_profile", "stroke_distance", "stroke_start",
     "stroke_end",
 )  # fmt: skip
+
+
+class StageStart(Protocol):
+    """What a state keeps of the time when the present stage began.
+
+    tool_start : (T, 2) travel and overlap of the tools [m]. gripper_start : (G, 3) travel of the
+        places that grippers pull at [m]. gripped_at : (3, node_count) where nodes are held [m].
+    """
+
+    @property
+    def tool_start(self) -> np.ndarray: ...
+    @property
+    def gripper_start(self) -> np.ndarray: ...
+    @property
+    def gripped_at(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,7 @@ class StageTables:
     rest_energy: float | None
     settled: float
 
-    def model(self, model: Any, number: int, whole: Any, state: Any) -> Any:
+    def model(self, model: Any, number: int, whole: Any, state: StageStart) -> Any:
         """Return the model in this stage.
 
         number : of the stage. whole : the model over all stages. state : since the stage began.
@@ -123,7 +139,7 @@ def stage_tables(
     plans: Sequence[StagePlan],
     contacts: Sequence[PlyContact],
     *,
-    grippers: Sequence[Any],
+    grippers: Sequence[Gripper],
     supports: Sequence[Support],
     pressures: Sequence[PressureOnFace],
     quasi_static: float,
@@ -201,7 +217,7 @@ def stage_tables(
 
 
 def absent_nodes(
-    bodies: Sequence[Any], plans: Sequence[StagePlan], plan: StagePlan
+    bodies: Sequence[Body], plans: Sequence[StagePlan], plan: StagePlan
 ) -> np.ndarray | None:
     """Return whether each node is of a ply that is not there in a stage (node_count,).
 
@@ -223,7 +239,7 @@ def _of_nodes(table: SupportTable, kept: np.ndarray) -> SupportTable:
     )
 
 
-def _require_gripped(model: Any, plan: StagePlan, grippers: Sequence[Any]) -> None:
+def _require_gripped(model: Any, plan: StagePlan, grippers: Sequence[Gripper]) -> None:
     """Refuse a gripper that pulls at a ply that is not there, or has nothing to hold.
 
     One that holds takes up the nodes of a ply when that is laid down.
@@ -254,7 +270,7 @@ def _require_gripped(model: Any, plan: StagePlan, grippers: Sequence[Any]) -> No
             )
 
 
-def _entry(grip: Grip, grippers: Sequence[Any]) -> int:
+def _entry(grip: Grip, grippers: Sequence[Gripper]) -> int:
     """Return the number of the scene entry that a gripper was made from."""
     return next(number for number, entry in enumerate(grippers) if entry is grip.settings)
 
@@ -333,7 +349,7 @@ def _supports_in_stage(
     first: int,
     holding: Sequence[Grip],
     works: Sequence[bool],
-    grippers: Sequence[Any],
+    grippers: Sequence[Gripper],
 ) -> SupportTable | None:
     """Return the supports with the motions of a stage, which count from where the nodes are then.
 
@@ -347,7 +363,7 @@ def _supports_in_stage(
     release_time, release_force = table.release_time.copy(), table.release_force.copy()
     for group, (grip, working) in enumerate(zip(holding, works, strict=True), start=first):
         motion = plan.grip_motions[_entry(grip, grippers)]
-        if motion.moves:
+        if isinstance(motion, StrokeMotion | TableMotion) and motion.moves:
             led = translation(motion.direction, travel_along(motion, plan.time))
             affine[group] = [led(time) for time in times]
             slope[group] = np.gradient(affine[group], axis=0, edge_order=2)
@@ -368,7 +384,7 @@ def _pressures_in_stage(
     face: FacePressure | RegionalPressure,
     pressures: Sequence[PressureOnFace],
     plan: StagePlan,
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
 ) -> FacePressure | RegionalPressure:
     """Return the pressures of a stage; those of an entry count from when it came to work.
 
@@ -413,10 +429,9 @@ def _settled(
         elif kind == PRESCRIBED:
             ends.append(float(tools.stroke_end[tool]))
     for motion in plan.grip_motions:
-        times = getattr(motion, "times", None)
-        if times is not None:
-            ends.append(plan.start + times[-1])
-        elif motion.moves:
+        if isinstance(motion, TableMotion):
+            ends.append(plan.start + motion.times[-1])
+        elif isinstance(motion, StrokeMotion) and motion.moves:
             ends.append(plan.start + (plan.time if motion.end is None else motion.end))
     if pulls is not None:
         ends.append(float((pulls.begin + pulls.ramp).max()))

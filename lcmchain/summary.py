@@ -47,7 +47,7 @@ def run_head(scene: Scene, simulation: Simulation, run_fingerprint: str) -> dict
 
     Parameters
     ----------
-    run_fingerprint : of :class:`lcmchain.fingerprint.Fingerprint`, all that decides the numbers.
+    run_fingerprint : of :class:`lcmchain.provenance.Fingerprint`, all that decides the numbers.
     """
     model = simulation.model
     return scene_head(scene, run_fingerprint, model.element_count, model.node_count)
@@ -142,7 +142,7 @@ def run_summary(
         "effects": [effect.name for effect in run_effects(scene, model.whole) if effect.active],
         "effects_switched": {switched.key: switched.setting for switched in scene.switched},
     }
-    found = [
+    remarks = [
         *warnings,
         *tools_never_touched(model, state, snapshots),
         *_field_warnings(datasets, model),
@@ -156,7 +156,7 @@ def run_summary(
         *rest_warnings(summary),
         *stop_warnings(model, state),
     ]
-    in_own_words = [scene.stack.in_own_words(text) for text in found]
+    in_own_words = [scene.stack.in_own_words(text) for text in remarks]
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
 
 

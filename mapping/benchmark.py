@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
-from lcmchain.memory_use import largest_memory
+from lcmchain.bench.measure import largest_memory
 
 REPETITIONS = 5
 RADIUS = 0.1

@@ -31,7 +31,7 @@ from lcmchain.coupling.cosimulation.library_instance import instance_in_process
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.errors import LcmchainError, SimulationInterrupted
-from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.readable import duration_text
 
 # --- frames ---------------------------------------------------------------------------------------
 

@@ -24,16 +24,15 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Range,
     Row,
+    SceneModel,
     Switch,
     Text,
     TimeOrZero,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
+from lcmchain.scene.reading.explain import MOST_PROBLEMS, documents_of, problems_of
 from lcmchain.scene.reading.overrides import apply_overrides
 from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
-from lcmchain.scene.reading.walk import documents_of
 
 #: Group of the convergence in the record; no unit may have this name.
 CONVERGENCE_GROUP = "coupling"

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from rich.table import Table
 
+from lcmchain.bench.measure import largest_memory
 from lcmchain.coupling.infiltration.filling import Filling
 from lcmchain.coupling.infiltration.flow.boundaries import Gate, Vent
 from lcmchain.coupling.infiltration.flow.preform import FlowMesh, Preform
-from lcmchain.memory_use import largest_memory
 
 #: Squares along the side of the plate; each gives two triangles.
 SIDES = (22, 71, 224)

@@ -34,7 +34,7 @@ from lcmchain.mesh.places import place_text
 from lcmchain.mesh_files.readers.decks.nastran_sets import AMBIGUOUS_SETS
 from lcmchain.results import require_complete
 from lcmchain.scene.infiltration import OwnPermeability, Preform
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 
 if TYPE_CHECKING:
     import xarray as xr

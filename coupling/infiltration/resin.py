@@ -15,7 +15,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.flow.medium import Resin
 from lcmchain.errors import InputError
-from lcmchain.scene import resin as tables
+from lcmchain.scene.infiltration import laws as tables
 
 #: Density of an uncured epoxy resin [kg/m3], where none is given.
 USUAL_DENSITY = 1150.0

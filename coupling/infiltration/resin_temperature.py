@@ -13,7 +13,7 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.flow.medium import ResinTemperature
 from lcmchain.errors import InputError
-from lcmchain.scene import resin as tables
+from lcmchain.scene.infiltration import laws as tables
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from lcmchain.coupling.precice_adapter.adapter import Read, Write
 from lcmchain.errors import InputError
-from lcmchain.quantities.entry_types import FROM_FILE, LengthUnit, Pressure, wrong
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.scene.boundaries import Closure
+from lcmchain.quantities.entry_types import FROM_FILE, LengthUnit, Pressure, SceneModel, wrong
+from lcmchain.scene.infiltration.boundaries import Closure
 from lcmchain.scene.reading.read import parse_toml, read_text
 
 if TYPE_CHECKING:

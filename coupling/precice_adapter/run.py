@@ -35,7 +35,7 @@ from lcmchain.fields import write_forming_netcdf
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import TIME
 from lcmchain.scene import read_infiltration, read_scene
-from lcmchain.scene.boundaries import Closure
+from lcmchain.scene.infiltration.boundaries import Closure
 
 #: Relative difference of thickness below which a textile begins as it was formed.
 BEGINS_AS_FORMED = 1e-6

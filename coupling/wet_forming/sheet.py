@@ -37,7 +37,7 @@ from lcmchain.mapping.surfaces.averages import turned
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.materials.law import fibre_angles
 from lcmchain.scene import Scene
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 #: Vectors of a ply that the columns need, of as many families as it has.

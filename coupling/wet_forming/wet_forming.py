@@ -45,7 +45,7 @@ from lcmchain.coupling.wet_forming.sheet import (
     part_of_stack,
 )
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fingerprint import run_fingerprint
+from lcmchain.provenance import run_fingerprint
 from lcmchain.scene import Infiltration, Scene
 from lcmchain.scene.resin_stages import ResinStage, resin_stages
 from lcmchain.solver.simulation import Simulation, Snapshot

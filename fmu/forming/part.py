@@ -23,7 +23,6 @@ from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
-from lcmchain.fingerprint import run_fingerprint
 from lcmchain.fmu.forming.frames import with_present, write_result
 from lcmchain.fmu.forming.interface import at_interface
 from lcmchain.fmu.forming.scene_parameters import SceneParameter, overrides, scene_parameters
@@ -55,6 +54,7 @@ from lcmchain.fmu.part import (
 from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.model import build_model
+from lcmchain.provenance import run_fingerprint
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl

@@ -1,11 +1,14 @@
-"""Measuring: what one core of this machine can do at most, and medians over repetitions."""
+"""Measuring: what one core can do at most, medians over repetitions, memory of this process."""
 
 from __future__ import annotations
 
+import os
 import statistics
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -143,3 +146,25 @@ def kernel_work(simulation: Simulation, data: Any, calls: int = KERNEL_CALLS) ->
         repeated_forces(data, position, corner_force, history, calls)
 
     return work
+
+
+# --- memory of this process -----------------------------------------------------------------------
+
+
+def largest_memory() -> int:
+    """Return the most memory that this process has held so far [byte]; 0 where nothing tells it."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return largest if sys.platform == "darwin" else 1024 * largest
+
+
+def resident_memory() -> int:
+    """Return the memory that this process holds [byte]; 0 where nothing tells it."""
+    try:
+        pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, AttributeError):  # another system than Linux
+        return 0

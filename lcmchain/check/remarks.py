@@ -9,11 +9,11 @@ import numpy as np
 
 from lcmchain.effects import viscous_shear
 from lcmchain.fields.table import NO_THICKNESS
-from lcmchain.quantities.rounded import two_digits
+from lcmchain.quantities.readable import two_digits
 from lcmchain.scene import Scene, left_out_of
-from lcmchain.scene.boundaries import Bag
-from lcmchain.scene.plies import PlySettings, Stack
+from lcmchain.scene.infiltration.boundaries import Bag
 from lcmchain.scene.presets import preset_remarks
+from lcmchain.scene.stack import PlySettings, Stack
 from lcmchain.tools.tool import Tool
 
 

@@ -53,7 +53,7 @@ from lcmchain.errors import InputError
 from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.report.shown import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table

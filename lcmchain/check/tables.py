@@ -15,7 +15,7 @@ from lcmchain.check.large_mesh import BUILDING_BYTES, frame_bytes
 from lcmchain.check.tool_strokes import Closing
 from lcmchain.check.tools_at_start import InitialGap
 from lcmchain.judgements.quasi_static import PERIODS, ProcessTime
-from lcmchain.quantities.durations import duration_text, milliseconds_text
+from lcmchain.quantities.readable import duration_text, milliseconds_text
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
@@ -28,7 +28,7 @@ from lcmchain.tools.table import OVERLAP_TOLERANCE
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from lcmchain.scene.plies import PlySettings
+    from lcmchain.scene.stack import PlySettings
 
 
 #: What effects take of the time where that is not known.

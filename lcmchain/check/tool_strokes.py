@@ -14,7 +14,7 @@ from lcmchain.check.tools_at_start import plies_at_start
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.stages import laid_later, stack_at
 from lcmchain.state import State

@@ -18,7 +18,7 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.scene import Scene, Tool
-from lcmchain.scene.plies import PlySettings
+from lcmchain.scene.stack import PlySettings
 from lcmchain.scene.stages import at_work, stack_at
 from lcmchain.tools.distance import gaps as node_gaps
 from lcmchain.tools.surfaces.surface import Surface, ToolWarning

@@ -1,7 +1,8 @@
-"""``lcmchain docs [TOPIC]``: the manual in the browser, without network."""
+"""``lcmchain docs [TOPIC]``, the manual in the browser, and ``schema``, scenes for editors."""
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from lcmchain.atomic import replacing
+from lcmchain.commands.options import output_folder
 from lcmchain.commands.terminal import console, say
 from lcmchain.errors import InputError
 
@@ -82,3 +85,20 @@ def _open(file: Path) -> None:
 
     if not webbrowser.open(file.resolve().as_uri()):
         raise InputError("no browser can be started; open this file yourself", file=file)
+
+
+def schema(
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write to a file instead of the terminal."),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of scene files, for completion and checks in editors."""
+    from lcmchain.scene import scene_json_schema
+
+    text = json.dumps(scene_json_schema(), indent=2) + "\n"
+    if out is None:
+        sys.stdout.write(text)
+        return
+    with output_folder(out.parent), replacing(out) as path:
+        path.write_text(text, encoding="utf-8")

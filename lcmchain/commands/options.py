@@ -1,11 +1,56 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands have, and the folders of their results."""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_type_hints
 
 import typer
+
+from lcmchain.atomic import protecting
+from lcmchain.errors import InputError
+
+
+def takes_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Let a command take each field of its dataclass parameters as an option of its own.
+
+    The options stand where the parameter stands. The fields are annotated as options are.
+    """
+    annotations = get_type_hints(command, include_extras=True)
+    groups: dict[str, type] = {}
+    parameters = []
+    for name, parameter in signature(command).parameters.items():
+        annotation = annotations[name]
+        if not is_dataclass(annotation):
+            parameters.append(parameter.replace(annotation=annotation, kind=Parameter.KEYWORD_ONLY))
+            continue
+        assert isinstance(annotation, type)
+        groups[name] = annotation
+        types = get_type_hints(annotation, include_extras=True)
+        parameters += [
+            Parameter(
+                field.name, Parameter.KEYWORD_ONLY, default=field.default,
+                annotation=types[field.name],
+            )
+            for field in fields(annotation)
+        ]  # fmt: skip
+
+    @wraps(command)
+    def with_options(**values: object) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    with_options.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_options
+
 
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 OutFolder = Annotated[
@@ -60,3 +105,54 @@ AllowAmbiguous = Annotated[
 AllowIncomplete = Annotated[
     bool, typer.Option("--allow-incomplete", help="Accept fields of an unfinished run.")
 ]
+
+
+# --- folders of results ---------------------------------------------------------------------------
+
+
+def default_out(scene: Path) -> Path:
+    """Name the folder of the results: ``results/`` and the name of the scene (or of its folder)."""
+    name = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    return Path("results") / (name or "scene")
+
+
+@contextmanager
+def output_folder(folder: Path, *, inputs: Iterable[Path | None] = ()) -> Iterator[Path]:
+    """Make the folder of the results and prove that it can be written to, before any work.
+
+    When the work then finds wrong input, folders made here that are still empty are removed.
+
+    Parameters
+    ----------
+    inputs : files that the work reads and must not write over.
+
+    Raises
+    ------
+    InputError : the folder cannot be made or written to, or the work would write over an input.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        _remove_empty(made)
+        reason = "it is a file" if folder.is_file() else error.strerror or str(error)
+        raise InputError(
+            f"results cannot be written here ({reason}); name another folder with --out",
+            file=folder,
+        ) from None
+    try:
+        with protecting(file for file in inputs if file is not None):
+            yield folder
+    except BaseException:
+        _remove_empty(made)
+        raise
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for folder in folders:  # innermost first
+        try:
+            folder.rmdir()
+        except OSError:
+            return

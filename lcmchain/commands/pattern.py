@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcmchain.commands.folders import output_folder
-from lcmchain.commands.options import Overrides, SavedFrame, SceneFile
+from lcmchain.commands.options import Overrides, SavedFrame, SceneFile, output_folder
 from lcmchain.commands.terminal import length_of, progress_bar, say, warn
 from lcmchain.errors import InputError
 

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcmchain.commands.folders import default_out, output_folder
-from lcmchain.commands.options import OutFolder, Overrides, Quiet
+from lcmchain.commands.options import (
+    OutFolder,
+    Overrides,
+    Quiet,
+    default_out,
+    output_folder,
+    takes_options,
+)
 from lcmchain.commands.terminal import progress_bar, say, show_whole, warn
 from lcmchain.errors import InputError
 
@@ -37,20 +44,44 @@ Vary = Annotated[
         help="Values of a scene entry, the finest last; may be repeated. Default: a ladder.",
     ),
 ]
-WorkerCount = Annotated[
-    int | None,
-    typer.Option("--workers", min=1, metavar="N", help="Runs side by side; default one per core."),
-]
-Threads = Annotated[
-    int | None, typer.Option("--threads", min=1, metavar="N", help="Threads of each run.")
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Make the runs on this dask cluster."),
-]
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of all studies: who makes their runs."""
+
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers", min=1, metavar="N", help="Runs side by side; default one per core."
+        ),
+    ] = None
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, metavar="N", help="Threads of each run.")
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="Make the runs on this dask cluster."),
+    ] = None
+
+    def as_workers(self) -> Workers:
+        """Return who makes the runs: one process per core by default, where dask is installed."""
+        from importlib.util import find_spec
+
+        from lcmchain.study.runs import Workers
+
+        count = self.workers
+        if self.scheduler is not None and count is not None:
+            raise InputError("a cluster has its own workers; leave it out", key="--workers")
+        if count is None:
+            count = 1
+            if self.scheduler is None and find_spec("distributed") is not None:
+                count = max(1, (os.cpu_count() or 1) // (self.threads or 1))
+        return Workers(count, self.threads, self.scheduler)
 
 
 @study_app.command("accuracy")
+@takes_options
 def study_accuracy(
     scene: Studied,
     out: OutFolder = None,
@@ -59,9 +90,8 @@ def study_accuracy(
         float,
         typer.Option("--finest", metavar="F", help="Edges of the reference, by the scene's."),
     ] = 0.5,
-    workers: WorkerCount = None,
-    threads: Threads = None,
-    scheduler: Scheduler = None,
+    *,
+    run_by: RunOptions,
     overrides: Overrides = None,
     quiet: Quiet = False,
 ) -> None:
@@ -82,7 +112,7 @@ def study_accuracy(
         with progress_bar(quiet=quiet) as progress:
             study = run_study(
                 text, folder, vary=chosen, finest=finest,
-                workers=workers_of(workers, threads, scheduler), progress=progress,
+                workers=run_by.as_workers(), progress=progress,
             )  # fmt: skip
         write_accuracy(folder, study)
     if not quiet:
@@ -99,12 +129,12 @@ def study_accuracy(
 
 
 @study_app.command("effects")
+@takes_options
 def study_effects(
     scene: Studied,
     out: OutFolder = None,
-    workers: WorkerCount = None,
-    threads: Threads = None,
-    scheduler: Scheduler = None,
+    *,
+    run_by: RunOptions,
     overrides: Overrides = None,
     quiet: Quiet = False,
 ) -> None:
@@ -117,9 +147,7 @@ def study_effects(
         from lcmchain.study.effects import study_effects as run_study
 
         with progress_bar(quiet=quiet) as progress:
-            study = run_study(
-                text, folder, workers=workers_of(workers, threads, scheduler), progress=progress
-            )
+            study = run_study(text, folder, workers=run_by.as_workers(), progress=progress)
         write_effects(folder / "effects.csv", study)
     if not quiet:
         show_whole(effects_table(study))
@@ -130,6 +158,7 @@ def study_effects(
 
 
 @study_app.command("sweep")
+@takes_options
 def study_sweep(
     scene: Studied,
     vary: Annotated[
@@ -143,9 +172,8 @@ def study_sweep(
         typer.Option("--samples", min=2, metavar="N", help="Points of the ranges, spread evenly."),
     ] = None,
     out: OutFolder = None,
-    workers: WorkerCount = None,
-    threads: Threads = None,
-    scheduler: Scheduler = None,
+    *,
+    run_by: RunOptions,
     overrides: Overrides = None,
     quiet: Quiet = False,
 ) -> None:
@@ -162,7 +190,7 @@ def study_sweep(
         with progress_bar(quiet=quiet) as progress:
             runs = run_sweep(
                 text, folder, entries, count=sample_count,
-                workers=workers_of(workers, threads, scheduler), progress=progress,
+                workers=run_by.as_workers(), progress=progress,
             )  # fmt: skip
         write_sweep(folder, title, runs)
     if not quiet:
@@ -174,6 +202,7 @@ def study_sweep(
 
 
 @study_app.command("sensitivity")
+@takes_options
 def study_sensitivity(
     scene: Studied,
     vary: Annotated[
@@ -188,9 +217,8 @@ def study_sensitivity(
         float, typer.Option("--part", metavar="P", help="Part by which each is changed.")
     ] = 0.1,
     out: OutFolder = None,
-    workers: WorkerCount = None,
-    threads: Threads = None,
-    scheduler: Scheduler = None,
+    *,
+    run_by: RunOptions,
     overrides: Overrides = None,
     quiet: Quiet = False,
 ) -> None:
@@ -208,7 +236,7 @@ def study_sensitivity(
         with progress_bar(quiet=quiet) as progress:
             found = run_sensitivity(
                 text, folder, vary or (), part=part,
-                workers=workers_of(workers, threads, scheduler), progress=progress,
+                workers=run_by.as_workers(), progress=progress,
             )  # fmt: skip
         write_sensitivity(folder / "sensitivity.csv", found)
     if not quiet:
@@ -244,18 +272,3 @@ def values_of(vary: Sequence[str]) -> dict[str, list[str]]:
             raise InputError(f'"{entry.key}" is given twice', key="--vary")
         found[entry.key] = list(entry.values)
     return found
-
-
-def workers_of(count: int | None, threads: int | None, scheduler: str | None) -> Workers:
-    """Return who makes the runs: one process per core by default, where dask is installed."""
-    from importlib.util import find_spec
-
-    from lcmchain.study.runs import Workers
-
-    if scheduler is not None and count is not None:
-        raise InputError("a cluster has its own workers; leave it out", key="--workers")
-    if count is None:
-        count = 1
-        if scheduler is None and find_spec("distributed") is not None:
-            count = max(1, (os.cpu_count() or 1) // (threads or 1))
-    return Workers(count, threads, scheduler)

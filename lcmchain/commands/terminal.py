@@ -40,7 +40,7 @@ def progress_bar(*, quiet: bool = False) -> Iterator:
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from lcmchain.quantities.durations import duration_text
+    from lcmchain.quantities.readable import duration_text
 
     columns = (
         TextColumn("{task.description}"),

@@ -41,7 +41,7 @@ from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
 from lcmchain.scene import Element, Scene
-from lcmchain.scene.plies import PlySettings
+from lcmchain.scene.stack import PlySettings
 from lcmchain.solver.simulation import Simulation, Snapshot
 
 # Slow enough that inertia and damping add less than half a percent to the force.

@@ -28,10 +28,10 @@ from lcmchain.draping.start import NetStart, SteeredLine, nearest_place, tangent
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import Course
-from lcmchain.scene.plies import PlySettings
+from lcmchain.scene.stack import PlySettings
 
 #: Part of the blank's area that strips may leave uncovered: rounding.
 UNCOVERED = 1e-9

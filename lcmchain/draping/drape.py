@@ -21,7 +21,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.mesh.sheet_mesh import shear_angles
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.scene.draping import FOLDED
 from lcmchain.tools.table import ToolTable, build_tool_table

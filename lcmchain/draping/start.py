@@ -22,7 +22,7 @@ from lcmchain.draping.net import ACCURACY, project_all, unit_normal
 from lcmchain.draping.surface import ASKER, DrapedSurface, level, stroke_direction, touching_tool
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable

@@ -17,8 +17,14 @@ from pydantic import Field
 
 from lcmchain.effects.effect import Effect, Refusal, Switch, refused
 from lcmchain.jit import equation
-from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    FrictionCoefficient,
+    Number,
+    Penalty,
+    Range,
+    SceneModel,
+)
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
 from lcmchain.tools.motion import GUIDED
 

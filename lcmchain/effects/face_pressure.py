@@ -36,8 +36,16 @@ from lcmchain.elements.pressed_elements import (
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, uncounted_routine
 from lcmchain.mesh.places import Where
-from lcmchain.quantities.at_work import AT_WORK, AtWork
-from lcmchain.quantities.entry_types import AbsentMeans, Name, Pressure, Row, TimeOrZero, wrong
+from lcmchain.quantities.entry_types import (
+    AT_WORK,
+    AbsentMeans,
+    AtWork,
+    Name,
+    Pressure,
+    Row,
+    TimeOrZero,
+    wrong,
+)
 from lcmchain.tools.motion.base import smooth_step
 from lcmchain.tools.motion.prescribed import tabulated_travel
 

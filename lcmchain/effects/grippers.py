@@ -32,9 +32,10 @@ from lcmchain.effects.supports import Support, translation
 from lcmchain.errors import InputError
 from lcmchain.mesh.lines import outward, pieces_along
 from lcmchain.mesh.places import NamedPlace, Places, place_text
-from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
+    AT_WORK,
     AbsentMeans,
+    AtWork,
     Direction,
     ForceOrZero,
     Name,

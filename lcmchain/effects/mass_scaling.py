@@ -23,8 +23,7 @@ from pydantic import Field
 
 from lcmchain.effects.effect import Effect, Switch, of_table, refused
 from lcmchain.effects.fibre_bending import FibreBending, frequency_bound
-from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, SceneModel
 
 # The share of the fibres' bending in ω² depends on the masses, and they on it: so many corrections,
 # or until the step is met to this part.

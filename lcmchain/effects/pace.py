@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from lcmchain.effects.effect import Effect
 from lcmchain.materials.shear_waves import shear_energy
-from lcmchain.quantities.rounded import two_digits_up
+from lcmchain.quantities.readable import two_digits_up
 
 #: Kinetic energy in parts of the stored energy: inertia is no part of the shape below it.
 KINETIC_PART = 0.065

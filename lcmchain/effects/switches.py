@@ -15,8 +15,7 @@ from pydantic import Field, create_model
 
 from lcmchain.effects.audit import switches
 from lcmchain.effects.effect import Refusal, Switch
-from lcmchain.quantities.entry_types import AbsentMeans
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import AbsentMeans, SceneModel
 
 Setting = Annotated[Literal["auto", "on", "off"], AbsentMeans("")]
 

@@ -16,7 +16,7 @@ from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.body import SolidShellBody
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel
 
 
 class KinematicElement(SceneModel):

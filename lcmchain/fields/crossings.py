@@ -22,7 +22,7 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     sheet_positions,
 )
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 
 if TYPE_CHECKING:
     import xarray as xr

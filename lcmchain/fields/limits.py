@@ -12,7 +12,7 @@ from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
 from lcmchain.materials.law import Material
 from lcmchain.materials.pressure_table import PressureTable
 from lcmchain.materials.shear_compaction import coupling_of
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.thresholds import LARGEST_HIDDEN_FORCE, LARGEST_HIDDEN_THICKNESS
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import yields

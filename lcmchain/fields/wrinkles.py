@@ -41,7 +41,7 @@ from lcmchain.fields.sheet import (
 )
 from lcmchain.mesh.lines import FibreLines, lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable

@@ -29,7 +29,7 @@ from numba.extending import overload
 from lcmchain.dispatch import implements, optional, required
 from lcmchain.elements.blocks import SPAN
 from lcmchain.jit import INLINED, equation
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel
 
 __all__ = [
     "MOST_LAWS",

@@ -21,7 +21,7 @@ from lcmchain.interfaces.law import MOST_LAWS, NO_LAW
 from lcmchain.interfaces.rows import row_count
 from lcmchain.interfaces.table import Interface
 from lcmchain.mesh.cells import by_node
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 
 #: No facet, no neighbour, no interface.
 NONE = -1

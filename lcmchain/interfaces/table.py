@@ -13,18 +13,19 @@ from lcmchain.interfaces.laws.friction_map import FrictionMapTable
 from lcmchain.interfaces.laws.hersey import HerseyTable
 from lcmchain.interfaces.laws.shear_by_points import ShearByPointsTable
 from lcmchain.interfaces.laws.viscous_film import ViscousFilmTable
-from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
+    AT_WORK,
     AbsentMeans,
+    AtWork,
     FrictionCoefficient,
     Name,
     Number,
     Penalty,
     Range,
     Row,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 #: One entry of ``interfaces.laws``.
 AnyInterfaceLaw = Annotated[

@@ -7,8 +7,7 @@ from typing import Any
 
 from lcmchain.fields.limits import hidden_text
 from lcmchain.judgements.grades import GOOD, GRADES, Verdict, grade_of, share
-from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import milliseconds_text, percent
 from lcmchain.scene import Scene
 from lcmchain.solver import guards
 from lcmchain.thresholds import (

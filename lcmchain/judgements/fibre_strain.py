@@ -9,7 +9,7 @@ import numpy as np
 
 from lcmchain.fields.sheet import fibre_strains
 from lcmchain.judgements.grades import GOOD, Verdict, grade_of
-from lcmchain.quantities.rounded import percent, two_digits_up
+from lcmchain.quantities.readable import percent, two_digits_up
 from lcmchain.scene import Scene
 from lcmchain.thresholds import BAD, LARGEST_FIBRE_STRAIN
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import percent
 from lcmchain.thresholds import BAD
 
 #: The grades, worst last; what nobody can tell is not judged.

@@ -22,8 +22,7 @@ from lcmchain.fields.loads import exceeded_over, has_histories, snaps_text
 from lcmchain.judgements.grades import DOUBTFUL, GOOD, Verdict, grade_of, share
 from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import Model
-from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.quantities.rounded import milliseconds, percent, two_digits
+from lcmchain.quantities.readable import milliseconds_text, percent, time_entry, two_digits
 from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.pace import (
@@ -126,7 +125,7 @@ def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
     time = led_time(scene)
     if not is_driven(scene) or scene.time_is_found or time >= needed.least or time == 0.0:
         return []
-    given = f"process.time = {milliseconds(time)} is"
+    given = f"process.time = {time_entry(time)} is"
     if scene.stages:
         given = (
             f"the stages in which tools are led take {milliseconds_text(time)} together, which is"

@@ -44,8 +44,7 @@ from lcmchain.judgements.quasi_static import (
     rest_verdict,
     snap_verdict,
 )
-from lcmchain.quantities.places import millimetres
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import millimetres, percent
 from lcmchain.results import COMPLETE
 from lcmchain.thresholds import (
     LARGEST_TARGET_DISTANCE,

@@ -126,11 +126,11 @@ from lcmchain.quantities.entry_types import (
     Quantity,
     Range,
     Row,
+    SceneModel,
     Stiffness,
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import ANGLE, PRESSURE, STIFFNESS
 
 

@@ -94,11 +94,11 @@ from lcmchain.quantities.entry_types import (
     PositiveStiffness,
     Range,
     Row,
+    SceneModel,
     Stiffness,
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 #: Most families of a fabric; as many pairs.
 MOST_FAMILIES = 3

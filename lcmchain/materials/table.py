@@ -16,9 +16,9 @@ from lcmchain.quantities.entry_types import (
     Number,
     PositiveStiffness,
     Range,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 
 class MaterialTable(SceneModel):

@@ -29,11 +29,11 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Range,
     Row,
+    SceneModel,
     Temperature,
     Viscosity,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 
 class MaxwellTable(SceneModel):

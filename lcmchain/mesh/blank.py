@@ -39,9 +39,9 @@ from lcmchain.quantities.entry_types import (
     PointInPlane,
     PositiveLength,
     Row,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 MAXIMUM_PERTURBATION = 0.25
 

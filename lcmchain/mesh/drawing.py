@@ -26,9 +26,9 @@ from lcmchain.quantities.entry_types import (
     FileName,
     LengthUnit,
     PositiveLength,
+    SceneModel,
     Text,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import length_factor
 
 #: Largest turn from one side of an arc to the next; corners of the outline turn by more.

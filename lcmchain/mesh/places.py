@@ -32,11 +32,11 @@ from lcmchain.quantities.entry_types import (
     PositiveLength,
     Range,
     Row,
+    SceneModel,
     Switch,
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 
 # --- scene entries --------------------------------------------------------------------------------
 

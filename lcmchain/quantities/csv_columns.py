@@ -6,7 +6,7 @@ import difflib
 import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from lcmchain.text_files import decode_text
 _HEADER = re.compile(r"\s*(?P<name>[^\[\]()]+?)\s*(?:[\[(]\s*(?P<unit>[^\[\]()]+?)\s*[\])])?\s*")
 # What rounding leaves of the largest value where a quantity passes through zero.
 _ROUNDING = 1e-12
-# Far above any test: what is larger is another file, or was written at a rate to be thinned out.
+# Far above any test: a larger file is another one, or was written at too high a rate.
 MOST_BYTES = 20_000_000
 MOST_COLUMNS = 200
 MOST_ROWS = 20_000
@@ -99,10 +99,12 @@ def read_columns(
 
     Parameters
     ----------
-    path : the file. table : what stands in it, where it has been read already.
+    path : the file.
     layouts : sets of columns, of which the file must hold one; the first that fits is taken.
-    minimum_rows : fewest rows of use.
-    texts : columns that are kept as text, if there. plain : that are numbers of whatever unit.
+    minimum_rows : fewest rows that are of use.
+    texts : columns that are kept as text, where the file has them.
+    plain : columns of numbers whose unit does not matter.
+    table : what stands in the file, where it has been read already.
 
     Raises
     ------
@@ -221,7 +223,15 @@ def _split_header(text: str) -> tuple[str, str | None]:
     return match["name"].lower().replace("_", " "), match["unit"]
 
 
-def _fitting_layout(layouts, headers, path) -> tuple[Column, ...]:
+def _fitting_layout(
+    layouts: Sequence[tuple[Column, ...]], headers: Mapping[str, tuple[int, str | None]], path: Path
+) -> tuple[Column, ...]:
+    """Return the first layout that a header has.
+
+    Raises
+    ------
+    InputError : it has none of them.
+    """
     for layout in layouts:
         if all(column.name in headers for column in layout):
             return layout
@@ -242,7 +252,7 @@ def _fitting_layout(layouts, headers, path) -> tuple[Column, ...]:
 def _unit_scale(
     name: str, unit: str | None, dimension: Dimension, path: Path
 ) -> tuple[float, float]:
-    """Return what 1 of a unit is in SI units over 0 of it, and what 0 is, as of degC."""
+    """Return factor and offset of a unit: a value in SI units is offset + factor times it."""
     if dimension is FRACTION:
         try:
             return parse_fraction(f"1 {unit or ''}"), 0.0
@@ -267,7 +277,7 @@ def _unit_scale(
         raise InputError(f'column "{name}": {error}', file=path) from None
 
 
-def _numbers(cells, name: str, lines, path: Path) -> np.ndarray:
+def _numbers(cells: np.ndarray, name: str, lines: np.ndarray, path: Path) -> np.ndarray:
     values = np.empty(len(cells))
     for row, cell in enumerate(cells):
         try:
@@ -290,7 +300,7 @@ def _require_usual_size(
     zero: float,
     dimension: Dimension,
     name: str,
-    lines,
+    lines: np.ndarray,
     path: Path,
 ) -> None:
     """Refuse a value that no test has; in SI units it is ``zero`` + ``factor`` times it."""

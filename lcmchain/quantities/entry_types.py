@@ -1,16 +1,29 @@
-"""Types of scene entries: quantities with units, plain numbers, rows of values, names."""
+"""What scene tables are made of: their base, and the types of their entries.
+
+A type is that of a quantity, a plain number, a row of values, a name, or a text. It reads what a
+scene file holds, refuses what is wrong with an example, and describes itself to JSON Schema.
+"""
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, TypeVar
 
-from pydantic import StrictBool, ValidationInfo
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StrictBool,
+    ValidationInfo,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lcmchain.errors import shortened
 from lcmchain.quantities.units import (
@@ -65,6 +78,20 @@ def wrong(message: str, *, field: str | None = None) -> PydanticCustomError:
     return PydanticCustomError("scene", "{message}", {"message": message, "field": field or ""})
 
 
+def toml_like(value: object) -> str:
+    """Return a value about as it stands in the file; of a table only that it is one."""
+    if isinstance(value, str):
+        return f'"{shortened(value)}"'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    return shortened(repr(value))
+
+
+# --- kinds of values ------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Range:
     """Values that an entry may take; an end in `open_ends` is itself not allowed.
@@ -113,27 +140,31 @@ class Quantity:
         """A correct TOML value."""
         return f'"{self.example or self.dimension.example}"'
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return core_schema.with_info_plain_validator_function(self._validate)
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         example = self.example or self.dimension.example
         return {"type": "string", "pattern": QUANTITY_PATTERN, "examples": [example]}
 
     @property
     def _is_size(self) -> bool:
-        """Whether the sign is settled: a coordinate may have either."""
+        """Whether the value is never negative, unlike a coordinate."""
         return self.allowed.low >= 0.0
 
-    def _validate(self, value: Any, info: ValidationInfo) -> float:
-        is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if is_number and not (info.context or {}).get("from_file"):
-            si_value = float(value)
-        elif is_number:
-            raise wrong(
-                f"{value!r} has no unit; write {self.dimension.with_article} in quotes with its "
-                f"unit, for example {self.example_text}"
-            )
+    def _validate(self, value: object, info: ValidationInfo) -> float:
+        is_number = False
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if (info.context or {}).get("from_file"):
+                raise wrong(
+                    f"{value!r} has no unit; write {self.dimension.with_article} in quotes with "
+                    f"its unit, for example {self.example_text}"
+                )
+            is_number, si_value = True, float(value)
         elif isinstance(value, str):
             try:
                 si_value = parse_quantity(value, self.dimension, is_size=self._is_size)
@@ -155,8 +186,20 @@ class Quantity:
         return si_value
 
 
+class _Checked:
+    """Base of the types whose check asks for the value alone, not for where it comes from."""
+
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self._validate)
+
+    def _validate(self, value: object) -> object:
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class Number:
+class Number(_Checked):
     """A dimensionless number, written without quotes and unit."""
 
     example: float
@@ -168,11 +211,10 @@ class Number:
         """A correct TOML value."""
         return f"{self.example:g}"
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
-        return core_schema.no_info_plain_validator_function(self._validate)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
-        json_schema: dict[str, Any] = {
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        json_schema: JsonSchemaValue = {
             "type": "integer" if self.whole else "number",
             "examples": [self.example],
         }
@@ -182,11 +224,11 @@ class Number:
                 json_schema[f"exclusive{key}" if is_open else key.lower()] = bound
         return json_schema
 
-    def _validate(self, value: Any) -> float | int:
+    def _validate(self, value: object) -> float | int:
         kind = "whole number" if self.whole else "number"
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise wrong(
-                f"must be a plain {kind} without quotes or unit, but is {_toml_like(value)}; "
+                f"must be a plain {kind} without quotes or unit, but is {toml_like(value)}; "
                 f"for example {self.example_text}"
             )
         if isinstance(value, float) and not math.isfinite(value):
@@ -212,6 +254,7 @@ class Row:
     count : how many values there must be; None for any number.
     minimum_count, maximum_count : the least and the largest number where `count` is None.
     entries : what one value is called in messages.
+    one : whether a single value may stand without brackets.
     units : False for rows of plain numbers and of points, which have no one-text form.
     """
 
@@ -221,24 +264,31 @@ class Row:
     maximum_count: int = MOST_VALUES
     entries: str = "values"
     units: bool = True
+    one: bool = False
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self._prepare, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         json_schema = handler(schema)
         if not self.units:
             return json_schema
         return {"anyOf": [json_schema, {"type": "string"}], "description": self.example_text}
 
-    def _prepare(self, value: Any) -> Any:
+    def _prepare(self, value: Any) -> tuple[Any, ...] | None:
         if value is None:
             return None
         if isinstance(value, str) and self.units:
             value = split_row(value) or value
+        if self.one and isinstance(value, str | int | float):
+            value = (value,)
         if isinstance(value, (str, bytes, dict)) or not hasattr(value, "__len__"):
             raise wrong(
-                f"must be a list of {self.entries}, but is {_toml_like(value)}; "
+                f"must be a list of {self.entries}, but is {toml_like(value)}; "
                 f"for example {self.example_text}"
             )
         if self.count is not None and len(value) != self.count:
@@ -264,7 +314,9 @@ class UnitVector:
 
     example_text: str = "[0, 0, 1]"
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return core_schema.no_info_after_validator_function(self._normalise, handler(source))
 
     def _normalise(self, vector: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -276,8 +328,8 @@ class UnitVector:
 
 
 @dataclass(frozen=True)
-class Name:
-    """A name that can serve in file names, netCDF variables and FMU variables."""
+class _Quoted(_Checked):
+    """Base of names and texts, which stand in quotes."""
 
     example: str
 
@@ -286,67 +338,62 @@ class Name:
         """A correct TOML value."""
         return f'"{self.example}"'
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
-        return core_schema.no_info_plain_validator_function(self._validate)
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Name(_Quoted):
+    """A name that can serve in file names, netCDF variables and FMU variables."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]*$", "examples": [self.example]}
 
-    def _validate(self, value: Any) -> str:
+    def _validate(self, value: object) -> str:
         if not isinstance(value, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", value):
             raise wrong(
-                f"{_toml_like(value)} is not a name: use letters, digits, _ and -, "
+                f"{toml_like(value)} is not a name: use letters, digits, _ and -, "
                 f"starting with a letter; for example {self.example_text}"
             )
         if len(value) > LONGEST_NAME:
             raise wrong(
-                f"{_toml_like(value)} has {len(value):,} characters; use at most {LONGEST_NAME}"
+                f"{toml_like(value)} has {len(value):,} characters; use at most {LONGEST_NAME}"
             )
         return value
 
 
 @dataclass(frozen=True)
-class LengthUnit:
+class LengthUnit(_Checked):
     """The unit of the coordinates in a mesh file, for example ``"mm"``."""
 
     example_text: str = '"mm"'
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
-        return core_schema.no_info_plain_validator_function(self._validate)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return {"type": "string", "examples": ["mm", "m"]}
 
-    def _validate(self, value: Any) -> str:
+    def _validate(self, value: object) -> str:
         try:
             if not isinstance(value, str):
                 raise QuantityError("not a text")
             length_factor(value)
         except QuantityError:
             raise wrong(
-                f"{_toml_like(value)} is not a unit of length; for example {self.example_text}"
+                f"{toml_like(value)} is not a unit of length; for example {self.example_text}"
             ) from None
         return value
 
 
 @dataclass(frozen=True)
-class Text:
+class Text(_Quoted):
     """A text that is not empty."""
 
-    example: str
-
-    @property
-    def example_text(self) -> str:
-        """A correct TOML value."""
-        return f'"{self.example}"'
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
-        return core_schema.no_info_plain_validator_function(self._validate)
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         return {"type": "string", "minLength": 1, "examples": [self.example]}
 
-    def _validate(self, value: Any) -> str:
+    def _validate(self, value: object) -> str:
         if not isinstance(value, str) or not value.strip():
             raise wrong(f"must be a text in quotes; for example {self.example_text}")
         if len(value) > LONGEST_TEXT:
@@ -367,19 +414,23 @@ class OrFile(FileName):
     read : returns the entries of a scene that a file holds.
     """
 
-    read: Callable[[Path], Any]
+    read: Callable[[Path], object]
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable) -> Any:
+    def __get_pydantic_core_schema__(
+        self, source: type, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
         return core_schema.no_info_before_validator_function(self._require_list, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Callable) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
         name = {"type": "string", "minLength": 1, "examples": [self.example]}
         return {"anyOf": [handler(schema), name]}
 
-    def _require_list(self, value: Any) -> Any:
+    def _require_list(self, value: object) -> object:
         if isinstance(value, str):
             raise wrong(
-                f"names a file, {_toml_like(value)}, which is read with a scene file alone; give "
+                f"names a file, {toml_like(value)}, which is read with a scene file alone; give "
                 "its contents, or read the scene from a file or text"
             )
         return value
@@ -395,14 +446,7 @@ class AbsentMeans:
     text: str
 
 
-def _toml_like(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{shortened(value)}"'
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "a table"
-    return shortened(repr(value))
+# --- entries by what they are ---------------------------------------------------------------------
 
 
 Length = Annotated[float, Quantity(LENGTH)]
@@ -451,3 +495,63 @@ Direction = Annotated[
 Position = Annotated[tuple[Length, Length, Length], Row('["0 mm", "0 mm", "5 mm"]', count=3)]
 PointInPlane = Annotated[tuple[Length, Length], Row('["0 mm", "5 mm"]', count=2)]
 Switch = StrictBool
+
+#: Most stages of a process.
+MOST_STAGES = 50
+
+#: Names of stages, or None for all of them.
+AtWork = Annotated[
+    Annotated[
+        tuple[Annotated[str, Name("draw")], ...],
+        Row('["draw", "close"]', entries="names", units=False, minimum_count=1,
+            maximum_count=MOST_STAGES),
+    ]
+    | None,
+    AbsentMeans(""),
+]  # fmt: skip
+
+#: What the entry means.
+AT_WORK = "The stages of [[stages]] in which it is at work; left out, all of them."
+
+
+def share_a_stage(one: tuple[str, ...] | None, other: tuple[str, ...] | None) -> bool:
+    """Tell whether two entries are at work in a stage together; None is at work in all."""
+    return one is None or other is None or bool(set(one) & set(other))
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+class SceneModel(BaseModel):
+    """Base of all scene tables: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class Named(Protocol):
+    """An entry of a list of tables that has a name."""
+
+    @property
+    def name(self) -> str | None: ...
+
+
+NamedEntry = TypeVar("NamedEntry", bound=Named)
+
+
+def with_own_names(items: tuple[NamedEntry, ...]) -> tuple[NamedEntry, ...]:
+    """Return the entries of a list; refuse two of the same name."""
+    names = [item.name for item in items]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise wrong(
+                f'has the name "{name}" twice, at [{names.index(name)}] and [{index}]; '
+                "give each its own name"
+            )
+    return items
+
+
+def no_such(name: str, known: Sequence[str], what: str) -> str:
+    """Say that nothing has a name that an entry gives, and what may be meant instead."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(known) or 'none'}"
+    return f"but there is no {what} of this name; {hint}"

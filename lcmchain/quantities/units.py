@@ -12,14 +12,14 @@ from functools import lru_cache
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER})\s*(\S.*)?")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+(\s|$|[^\d,])")
-# a unit may begin with 1, as in "0.5 1 2 1/m"
+# A unit may begin with 1, as in "0.5 1 2 1/m".
 _ROW = re.compile(rf"\s*((?:{_NUMBER}[\s,]+)+{_NUMBER})(?:\s+(1\s*/.*)|\s*([^\d\s.+/-].*))")
 
 #: Longest text of one quantity: what is longer was pasted by mistake, and pint is slow on it.
 LONGEST_QUANTITY = 200
 
 #: Pattern of a quantity for editors (JSON Schema); the unit itself is checked when read.
-# a unit may begin with 1, as in "200 1/s"
+# A unit may begin with 1, as in "200 1/s".
 QUANTITY_PATTERN = rf"^\s*{_NUMBER}(\s+1\s*/|\s*[^\d\s.,]).*$"
 
 
@@ -156,7 +156,7 @@ def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> 
     unit = _parse_unit(unit_text, dimension, needed)
     wanted = registry.parse_units(dimension.unit)
     try:
-        # Angles need a second look: pint treats radians, percent and plain numbers alike.
+        # pint treats radians, percent and plain numbers alike, so angles are told apart here.
         is_angle = registry.get_root_units(unit)[1] == registry.radian
     except ArithmeticError:  # a power far too high
         raise QuantityError(f'unknown unit "{unit_text}"; {needed}') from None

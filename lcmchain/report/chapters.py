@@ -13,8 +13,7 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force
 from lcmchain.fields.stages import last_frames
-from lcmchain.quantities.durations import milliseconds_text
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import milliseconds_text, percent
 from lcmchain.report.shown import PREFIX
 
 if TYPE_CHECKING:

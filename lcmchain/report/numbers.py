@@ -10,8 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from lcmchain.judgements.quasi_static import motion_in_force
-from lcmchain.quantities.durations import duration_text, milliseconds_text
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import duration_text, milliseconds_text, percent
 from lcmchain.report.chapters import rest_in_words
 from lcmchain.thresholds import LARGEST_RIPPLE, balance_scale
 

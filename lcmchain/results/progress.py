@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from lcmchain.quantities.durations import duration_text
+from lcmchain.quantities.readable import duration_text
 
 #: Time between two lines of one stage [s].
 LINE_INTERVAL = 10.0

@@ -2,14 +2,18 @@
 
 ::
 
-    scene.toml ─▶ reading ─▶ scene: Scene, all tables and the checks between them
+    scene.toml ─▶ reading ─▶ scene: Scene, all tables put together
                                │
-         process, output, draping, structure                    one table each
-         infiltration ◀── boundaries, resin, permeability       what flows, from where, through what
-         plies ◀── layup; stages ◀── resin_stages               what lies where, and when
-         presets                                                published materials, by name
+         process, plies, draping, output, structure    the tables named so
+         infiltration                                  what flows, from where, through what
+         presets                                       published materials, by name
                                │
-         rungs: the same scene on another model    pace: what sets it, and which entry slows it
+         stack: the plies with all that each is built from
+         stages: what the tables are in each stage; resin_stages: the same on the resin's clock
+         completed_stages, checks: what is filled in, and what is refused
+         pace: what sets it, and which entry slows it (tables: what such functions ask of a scene)
+                               │
+         rungs: the same scene on another model level
          cases: commented scenes that ``new`` writes
 
 Tables of tools, materials, elements, effects and interfaces stand beside what they configure.
@@ -30,8 +34,8 @@ from lcmchain.materials.st_venant_kirchhoff import (
 from lcmchain.mesh.blank import Blank
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.scene.output import MappingTarget, Output
-from lcmchain.scene.permeability import Permeability
 from lcmchain.scene.process import Process
 from lcmchain.scene.reading.json_schema import scene_json_schema
 from lcmchain.scene.reading.read import read_scene, scene_from_text

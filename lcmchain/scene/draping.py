@@ -20,9 +20,9 @@ from lcmchain.quantities.entry_types import (
     Quantity,
     Range,
     Row,
+    SceneModel,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.quantities.units import ANGLE
 
 #: Shear angle at which the bars of a net count as lying on each other [rad].
@@ -55,9 +55,9 @@ class Course(SceneModel):
     strip: Annotated[
         tuple[Length, Length], Row('["-50 mm", "0 mm"]', count=2, entries="lengths")
     ] = Field(
-        description="Where its edges lie in the flat blank, across fibre 1: distances from the "
-        "origin along fibre 2. An edge that two courses share is a butt joint, strips that share "
-        "more overlap."
+        description="Its edges in the flat blank: distances from the origin along fibre 2. An "
+        "edge that two courses share is a butt joint; strips that share more "
+        "overlap."
     )
     seed: Annotated[
         PointInPlane | None, AbsentMeans("beside draping.seed, in the middle of the strip")
@@ -105,18 +105,18 @@ class Draping(SceneModel):
     ] = Field(default=None, description="Place of the seed; the nearest point of the surface.")
     angle: Angle = Field(  # type: ignore[assignment]
         default="0 deg",
-        description="Turn of the net about the surface normal at the seed, from the direction of "
-        "fibre 1 in the flat blank.",
+        description="Turn of the net about the surface normal at the seed, from fibre 1 in the "
+        "flat blank.",
     )
     pre_shear: PreShear = Field(  # type: ignore[assignment]
         default="0 deg",
-        description="Shear angle that the net begins with: fibre 2 lies 90 deg less this one from "
-        "fibre 1 at the seed.",
+        description="Shear angle of the net at the seed: fibre 2 lies 90 deg less this one from "
+        "fibre 1.",
     )
     start_line: Annotated[StartLine | None, AbsentMeans("a geodesic from the seed")] = Field(
         default=None,
-        description="Points [x, y, z] of a curve that the line along fibre 1 through the seed "
-        "follows, in the direction of fibre 1; each the nearest point of the surface.",
+        description="Points [x, y, z], each moved to the surface, of a curve that the line along "
+        "fibre 1 through the seed follows.",
     )
     edge_radius: Annotated[
         LengthOrZero | None,
@@ -138,8 +138,8 @@ class Draping(SceneModel):
         AbsentMeans("one piece"),
     ] = Field(
         default=(),
-        description="Courses of the ply, from the lowest strip across fibre 1 to the highest, each "
-        "with a net of its own.",
+        description="Courses of the ply, each with its own net, from the lowest strip across "
+        "fibre 1 to the highest.",
     )
 
     @model_validator(mode="after")

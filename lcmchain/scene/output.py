@@ -22,16 +22,16 @@ from lcmchain.quantities.entry_types import (
     PositiveLength,
     PositiveTime,
     Row,
+    SceneModel,
     Switch,
     Text,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.structure import Structure
 
-# --- Scene tables of what comes of a scene: files of a run, and its functional mock-up unit -----
-
+#: Name of the files of an infiltration of the formed sheet itself.
+SHEET_NAME = "sheet"
 
 #: Samples of the histories over the process where ``history_interval`` is not given.
 DEFAULT_SAMPLES = 200
@@ -72,13 +72,13 @@ class Output(SceneModel):
         PositiveLength | None, AbsentMeans("8 edges, and at least 40 thicknesses")
     ] = Field(
         default=None,
-        description="Longest wave that counts as a wrinkle: wrinkle_height is the deviation from a "
+        description="Longest wave that counts as a wrinkle: wrinkle_height is measured from a "
         "sheet smoothed over such waves.",
     )
     wrinkle_risk: Switch = Field(
         default=False,
-        description="Tell where wrinkles are to be expected that a coarse mesh hides: compressed "
-        "fibres, nearness of locking, waves of too few elements.",
+        description="Tell where a coarse mesh may hide wrinkles: compressed fibres, nearness of "
+        "locking, waves of too few elements.",
     )
     sections: Annotated[
         tuple[Section, ...],
@@ -186,6 +186,6 @@ class Unit(SceneModel):
         ),
     ] = Field(
         default=(),
-        description="Entries with one number that a master may set before initialization; "
-        "contact.friction always is one.",
+        description="Entries of one number that a master may set before initialization, beside "
+        "contact.friction.",
     )

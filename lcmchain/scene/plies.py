@@ -1,42 +1,39 @@
-"""The plies of a scene: the entries of ``[[plies]]``, and the stack that any scene makes.
+"""The entries of ``[[plies]]``, and their short form, the code of a lay-up.
 
-A scene names its plies in one of three ways: ``[blank]`` and ``[material]`` for one,
-``layup`` for plies of one outline, ``[[plies]]`` for any. What builds, checks or shows a sheet asks
-:attr:`lcmchain.scene.Scene.stack`, which is the same for all three.
+The code follows the usual one of laminates (ASTM D6507), written for fabrics, bottom first:
+
+- angles are in degrees, from x to the first family of fibres;
+- a comma stands between plies, so does a slash between plies in parentheses;
+- a slash joins the two families of *one* woven or stitched ply, ``0/90`` or ``(0/90)``;
+  ``±45`` is short for ``45/-45``; one angle alone is that of the first family;
+- ``_2`` behind a ply lays it twice, ``]2`` lays all plies of the brackets twice;
+- ``s`` at the end is symmetric: the plies once more, in reverse order.
+
+So ``[0/90]2s`` has four plies of a fabric, where it has eight of a tape in the usual code.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
-import numpy as np
-import shapely
 from pydantic import Field, field_validator
 
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
-from lcmchain.errors import InputError
-from lcmchain.interfaces.table import Interface
-from lcmchain.materials.law import Material, with_fibre_modulus
-from lcmchain.materials.laws import AnyMaterial
-from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
-from lcmchain.mesh.contours import Contours, contours_of
-from lcmchain.mesh.outline import outline_of
-from lcmchain.quantities.at_work import AtWork, share_a_stage
-from lcmchain.quantities.entry_types import AbsentMeans, Length, Name, PointInPlane, Switch, wrong
-from lcmchain.quantities.scene_model import no_such
-from lcmchain.scene.layup import angles_of
-from lcmchain.scene.process import Process
+from lcmchain.errors import shortened
+from lcmchain.mesh.blank import Blank
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    AtWork,
+    Length,
+    Name,
+    PointInPlane,
+    Switch,
+    wrong,
+)
 
-#: Name of the sheet of a scene with one.
-ONE_SHEET = "sheet"
 #: Groups, meshes and variables of result files that are not those of one ply.
 RESERVED_NAMES = (
     "sheet", "solid", "history", "time", "body", "stack", "thickness", "fibre_volume_fraction",
@@ -63,8 +60,8 @@ RESERVED_NAMES = (
         for axis in "xyz"
     ),
 )  # fmt: skip
-#: How deep two plies may lie in each other at the start, in parts of the thinner one's thickness.
-DEEPEST_OVERLAP = 0.5
+#: Most plies of a stack, far above any use.
+MOST_PLIES = 200
 
 
 class Ply(Blank):
@@ -72,8 +69,8 @@ class Ply(Blank):
 
     height: Annotated[Length | None, AbsentMeans("0 mm, or on the ply before")] = Field(  # type: ignore[assignment]
         default=None,
-        description="z coordinate of the mid-surface; left out, the lowest ply lies at 0 and every "
-        "other one on the ply before it.",
+        description="z coordinate of the mid-surface; left out, the lowest ply lies at 0, every "
+        "other one on the one before.",
     )
     center: PointInPlane = Field(  # type: ignore[assignment]
         default=("0 mm", "0 mm"), description="Shift of size or outline in the plane."
@@ -91,13 +88,13 @@ class Ply(Blank):
     film: Switch = Field(
         default=False,
         description="A film that helps to form the others and is taken off afterwards: a "
-        "diaphragm, a release film. It counts in no thickness, fibre volume fraction, mapping or "
-        "infiltration of the preform.",
+        "diaphragm, a release film. No thickness, fibre volume fraction, mapping or "
+        "infiltration counts it.",
     )
     stages: AtWork = Field(
         default=None,
-        description="The stages of [[stages]] in which it is there, up to the last one: it is laid "
-        "down when the first of them begins. Left out, it is there from the start.",
+        description="Stages in which it is there, up to the last one: it is laid down when the "
+        "first of them begins. Left out, it is there from the start.",
     )
 
     @field_validator("element", mode="before")
@@ -106,398 +103,13 @@ class Ply(Blank):
         return complete_element(value)
 
 
-def complete_element(value: Any) -> Any:
+def complete_element(value: object) -> object:
     """Take a name alone, and the solid-shell where options are given without a type."""
     if isinstance(value, str):
         return {"type": value}
     if isinstance(value, dict) and "type" not in value:
         return {"type": Element.model_fields["type"].default, **value}
     return value
-
-
-@dataclass(frozen=True)
-class PlySettings:
-    """What one ply of a scene is built from, wherever the scene says it.
-
-    name : of the ply, "sheet" where there is one.
-    blank : its outline, edge length and fibre angle; ``height`` is that of its mid-surface.
-    center : shift of the outline in the plane [m].
-    material : table of its material. element : table of its elements.
-    fibre_modulus_factor : of ``process``.
-    key : scene entry that the blank stands in, ``blank`` or ``plies[1] "top"``.
-    material_key : scene entry of the material, ``material`` or ``materials.biaxial``.
-    element_key : scene entry of the element.
-    film : whether it is taken off after forming.
-    stages : names of the stages in which it is there, None for all.
-    """
-
-    name: str
-    blank: Blank
-    center: tuple[float, float]
-    material: AnyMaterial
-    element: Any
-    fibre_modulus_factor: float
-    key: str
-    material_key: str
-    element_key: str
-    film: bool = False
-    stages: tuple[str, ...] | None = None
-
-    @property
-    def thickness(self) -> float:
-        """Initial thickness [m]."""
-        return self.material.thickness
-
-    @property
-    def bottom(self) -> float:
-        """z of the lower face [m]."""
-        return self.blank.height - 0.5 * self.thickness
-
-    @property
-    def top(self) -> float:
-        """z of the upper face [m]."""
-        return self.blank.height + 0.5 * self.thickness
-
-    @property
-    def outline(self) -> np.ndarray:
-        """Corners (n, 2) of the outline where it lies [m], anticlockwise, darts cut out."""
-        return self.contours.rim
-
-    @cached_property
-    def contours(self) -> Contours:
-        """Outline, holes, darts and slits where they lie."""
-        with self.own_keys():
-            return contours_of(self.blank)[0].shifted(np.array(self.center))
-
-    @property
-    def shape(self) -> dict[str, Any]:
-        """Entries of the shape of the blank where it lies; an outline, and no size."""
-        with self.own_keys():
-            rim = outline_of(self.blank)[0]
-
-        def lying(points: Any) -> Any:
-            return tuple(map(tuple, (np.array(points) + np.array(self.center)).tolist()))
-
-        cuts = {name: tuple(map(lying, cuts)) for name, cuts in self.blank.cuts.items()}
-        return {"size": None, "outline": lying(rim), **cuts}
-
-    def built_material(self) -> Material:
-        """Return the material as it is simulated, with the modulus of fibres that is asked for."""
-        built: Any = self.material.build()
-        if self.film:
-            built.is_film, built.fibre_density = True, None
-        if not self.material.has_fibres:  # beside plies with fibres; check_scene sees to the rest
-            return built
-        return with_fibre_modulus(built, self.fibre_modulus_factor)
-
-    def build_blank(self, **options: Any) -> BlankMesh:
-        """Mesh the ply with solid-shells, whatever its elements.
-
-        options : as for :func:`lcmchain.mesh.blank.build_blank`.
-
-        Raises
-        ------
-        InputError : as :func:`lcmchain.mesh.blank.build_blank`; names the entry of this ply.
-        """
-        with self.own_keys():
-            mesh = build_blank(self.blank, self.thickness, **options)
-        if not any(self.center):
-            return mesh
-        return replace(mesh, node_positions=mesh.node_positions + [*self.center, 0.0])
-
-    def with_edge_length(self, edge_length: float) -> PlySettings:
-        """Return the ply with other elements."""
-        return replace(self, blank=self.blank.model_copy(update={"edge_length": edge_length}))
-
-    @contextmanager
-    def own_keys(self) -> Iterator[None]:
-        """Name entries of this ply in the errors of the block, in place of those of ``blank``."""
-        try:
-            yield
-        except InputError as error:
-            if self.key == "blank":
-                raise
-            key = None if error.key is None else self.in_own_words(error.key)
-            raise InputError(self.in_own_words(error.message), key=key, file=error.file) from None
-
-    def in_own_words(self, text: str) -> str:
-        """Return a text about ``blank`` and ``material`` as one about the entries of this ply."""
-        text = text.replace("blank.", f"{self.key}.")
-        return text.replace("material.", f"{self.material_key}.")
-
-    def remarks(self, mesh: BlankMesh) -> list[str]:
-        """Say where the elements of the ply are too large for its outline."""
-        found = [self.in_own_words(text) for text in mesh.remarks()]
-        if self.blank.left_out:
-            found.append(
-                f"{self.key}.drawing holds what is no contour, left out: {self.blank.left_out}"
-            )
-        return found
-
-
-@dataclass(frozen=True)
-class Stack(Sequence[PlySettings]):
-    """The plies of a scene, bottom first; one for a scene with one sheet."""
-
-    plies: tuple[PlySettings, ...]
-
-    def __getitem__(self, index: Any) -> Any:
-        return self.plies[index]
-
-    def __len__(self) -> int:
-        return len(self.plies)
-
-    @property
-    def preform(self) -> tuple[PlySettings, ...]:
-        """The plies that stay: all but the films."""
-        return tuple(ply for ply in self.plies if not ply.film)
-
-    @property
-    def films(self) -> tuple[PlySettings, ...]:
-        """The plies that are taken off after forming."""
-        return tuple(ply for ply in self.plies if ply.film)
-
-    @property
-    def materials(self) -> dict[str, AnyMaterial]:
-        """Tables of the materials that plies are made of, by their scene entry."""
-        return {ply.material_key: ply.material for ply in self.plies}
-
-    @property
-    def elements(self) -> dict[str, Any]:
-        """Tables of the elements of the plies, by their scene entry."""
-        return {ply.element_key: ply.element for ply in self.plies}
-
-    @property
-    def least_thickness(self) -> float:
-        """Thickness of the thinnest ply [m]."""
-        return min(ply.thickness for ply in self.plies)
-
-    @property
-    def thickness(self) -> float:
-        """Largest sum of the thicknesses of plies that lie on each other, gaps left out [m]."""
-        if len(self.plies) == 1:
-            return self.plies[0].thickness
-        outlines = [ply.contours.polygon for ply in self.plies]
-        lines = shapely.unary_union([outline.boundary for outline in outlines])
-        return max(
-            sum(
-                ply.thickness
-                for ply, outline in zip(self.plies, outlines, strict=True)
-                if outline.contains(region.representative_point())
-            )
-            for region in shapely.polygonize([lines]).geoms
-        )
-
-    @property
-    def has_one_outline(self) -> bool:
-        """Whether all plies cover the same part of the plane at the start."""
-        first, *others = (ply.contours for ply in self.plies)
-        return all(
-            other.starts == first.starts and np.allclose(other.points, first.points, atol=1e-9)
-            for other in others
-        )
-
-    def lying_on_each_other(self) -> Iterator[tuple[PlySettings, PlySettings]]:
-        """Yield plies with the highest one that they lie over at the start, which comes first."""
-        if self.has_one_outline:
-            yield from pairwise(self.plies)
-            return
-        areas = [ply.contours.polygon for ply in self.plies]
-        for number, ply in enumerate(self.plies):
-            beneath = [
-                other
-                for other, area in zip(self.plies[:number], areas, strict=False)
-                if area.intersects(areas[number]) and not area.touches(areas[number])
-            ]
-            if beneath:
-                yield max(beneath, key=lambda other: other.top), ply
-
-    @property
-    def shortest_edge(self) -> float:
-        """Shortest edge length of the plies [m]."""
-        return min(ply.blank.edge_length for ply in self.plies)
-
-    @property
-    def bottom(self) -> float:
-        """z of the lowest face [m]."""
-        return min(ply.bottom for ply in self.plies)
-
-    @property
-    def top(self) -> float:
-        """z of the highest face [m]."""
-        return max(ply.top for ply in self.plies)
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Width along x and height along y of the box around all plies [m]."""
-        if len(self.plies) == 1:
-            return self.plies[0].blank.extent
-        corners = np.concatenate([ply.outline for ply in self.plies])
-        width, height = np.ptp(corners, axis=0)
-        return float(width), float(height)
-
-    def thickness_at(self, x: float, y: float) -> float:
-        """Thickness of all plies over a place of the plane [m]; that of the stack beside them."""
-        if len(self.plies) == 1:
-            return self.plies[0].thickness
-        place = shapely.Point(x, y)
-        here = sum(p.thickness for p in self.plies if p.contours.polygon.covers(place))
-        return here or self.thickness
-
-    @property
-    def edge_entry(self) -> str:
-        """Scene entry of the edge length, in words."""
-        return "blank.edge_length" if self.plies[0].key == "blank" else "edge_length of [[plies]]"
-
-    def in_own_words(self, text: str) -> str:
-        """Return a text about entries of ``[blank]`` as one about those of the plies."""
-        if self.plies[0].key == "blank":
-            return text
-        text = re.sub(r'blank\.edge_length = "[^"]*"', "a smaller edge_length of [[plies]]", text)
-        return re.sub(r"\bblank\.(\w+)", r"\1 of [[plies]]", text)
-
-    @property
-    def has_thickness(self) -> bool:
-        """Whether the elements of every ply predict its thickness."""
-        return all(ply.element.has_thickness for ply in self.plies)
-
-    @property
-    def has_fibres(self) -> bool:
-        """Whether any ply tells stiff fibres from the rest."""
-        return any(ply.material.has_fibres for ply in self.plies)
-
-    def named(self, name: str) -> PlySettings:
-        """Return the ply of a name."""
-        return next(ply for ply in self.plies if ply.name == name)
-
-    def interfaces(self, entries: Sequence[Interface]) -> tuple[Interface, ...]:
-        """Return what lies between plies by the names of the plies.
-
-        A single one has at most an interface with itself. Entries without ``between`` come first,
-        as they hold for all that no other one names. An entry of two plies goes before one of their
-        materials.
-        """
-        if len(self.plies) < 2:
-            return tuple(entries)
-        anywhere = [entry for entry in entries if entry.between is None]
-        of_pair: dict[tuple[str, str], Interface] = {}
-        names = {ply.name for ply in self.plies}
-        by_rank = sorted(
-            (entry for entry in entries if entry.between is not None),
-            key=lambda entry: set(entry.between or ()) <= names,
-        )
-        for index, lower in enumerate(self.plies):
-            for upper in self.plies[index + 1 :]:
-                for entry in by_rank:
-                    if _is_between(entry, lower, upper):
-                        pair = (lower.name, upper.name)
-                        of_pair[pair] = entry.model_copy(update={"between": pair})
-        return (*(anywhere or [Interface()]), *of_pair.values())
-
-
-def _is_between(entry: Interface, lower: PlySettings, upper: PlySettings) -> bool:
-    """Whether an entry names two plies, or what they are made of."""
-    one, other = entry.between  # type: ignore[misc]
-    first, second = _names_of(lower), _names_of(upper)
-    return (one in first and other in second) or (one in second and other in first)
-
-
-def _names_of(ply: PlySettings) -> tuple[str, str]:
-    return ply.name, ply.material_key.removeprefix("materials.")
-
-
-class PlyTables(Protocol):
-    """The tables of a scene that its plies are made of, and are checked with."""
-
-    @property
-    def process(self) -> Process: ...
-    @property
-    def element(self) -> Any: ...
-    @property
-    def plies(self) -> tuple[Ply, ...]: ...
-    @property
-    def layup(self) -> str | None: ...
-    @property
-    def blank(self) -> Blank | None: ...
-    @property
-    def material(self) -> AnyMaterial | None: ...
-    @property
-    def materials(self) -> dict[str, AnyMaterial]: ...
-    @property
-    def interfaces(self) -> tuple[Interface, ...]: ...
-    @property
-    def stages(self) -> tuple[Any, ...]: ...
-
-
-def stack_of(scene: PlyTables) -> Stack:
-    """Return the plies of a scene, whatever form it names them in."""
-    factor = scene.process.fibre_modulus_factor
-    if not scene.plies and scene.layup is None:
-        ply = PlySettings(
-            ONE_SHEET, _required(scene.blank), (0.0, 0.0), _required(scene.material),
-            scene.element, factor, "blank", "material", "element",
-        )  # fmt: skip
-        return Stack((ply,))
-    laid: list[PlySettings] = []
-    for index, entry in enumerate(scene.plies or _plies_of_layup(scene)):
-        key = f'plies[{index}] "{entry.name}"' if scene.plies else "blank"
-        own = entry.material
-        ply = PlySettings(
-            name=str(entry.name),
-            blank=entry,
-            center=entry.center,
-            material=_required(scene.material) if own is None else scene.materials[own],
-            element=entry.element or scene.element,
-            fibre_modulus_factor=factor,
-            key=key,
-            material_key="material" if own is None else f"materials.{own}",
-            element_key="element" if entry.element is None else f"{key}.element",
-            film=entry.film,
-            stages=entry.stages,
-        )
-        height = entry.height if entry.height is not None else _height_on(laid, ply)
-        laid.append(replace(ply, blank=entry.model_copy(update={"height": height})))
-    return Stack(tuple(laid))
-
-
-def _required(table: Any) -> Any:
-    if table is None:  # a scene that is built past its own checks
-        raise InputError("a scene needs [blank] and [material], or [[plies]] and their materials")
-    return table
-
-
-def _plies_of_layup(scene: PlyTables) -> list[Ply]:
-    """Return the plies of the short form: one outline, an angle for each."""
-    blank = _required(scene.blank)
-    shared = {**blank.shape, "edge_length": blank.edge_length}
-    return [
-        Ply(
-            **shared,
-            fibre_angle=angle,
-            height=blank.height if index == 0 else None,
-            name=f"ply_{index + 1}",
-        )
-        for index, angle in enumerate(angles_of(scene.layup))  # type: ignore[arg-type]
-    ]
-
-
-def _height_on(laid: Sequence[PlySettings], ply: PlySettings) -> float:
-    """Return the z of the mid-surface of a ply that lies on those before it [m]."""
-    if not laid:
-        return 0.0
-    below = [under.top for under in laid if _meet(under, ply)]
-    return max(below, default=laid[0].bottom) + 0.5 * ply.thickness
-
-
-def _meet(one: PlySettings, other: PlySettings) -> bool:
-    """Whether two plies cover a common part of the plane."""
-    if one.blank.shape == other.blank.shape and one.center == other.center:
-        return True
-    area = one.contours.polygon.intersection(other.contours.polygon).area
-    return bool(area > 1e-9 * math.prod(one.blank.extent))
-
-
-# --- checks of a scene ----------------------------------------------------------------------------
 
 
 def named_plies(plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
@@ -525,119 +137,81 @@ def named_plies(plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
     return tuple(named)
 
 
-def check_stack(scene: PlyTables) -> None:
-    """Refuse plies that cannot lie as a scene says, and names of what is not there.
+# --- lay-up codes ---------------------------------------------------------------------------------
+
+
+EXAMPLE = "[0/90, 45/-45]s"
+
+_CODE = re.compile(r"\s*\[(?P<plies>[^\[\]]*)\]\s*_?(?P<count>\d{1,4})?\s*_?(?P<mirror>[sS])?\s*")
+_NUMBER = r"[-+]?\d{1,4}(?:\.\d{1,9})?"
+_PLY = re.compile(rf"(?P<both>±|\+/?-(?=\d))?(?P<first>{_NUMBER})(?:\s*/\s*(?P<second>{_NUMBER}))?")
+_REPEATED = re.compile(r"(?P<ply>.*?)\s*(?:_(?P<count>\d{1,4}))?")
+_SLASH_BETWEEN_PLIES = re.compile(r"(\)(?:_\d+)?)\s*/\s*(?=\()")
+
+
+class LayupError(ValueError):
+    """What is wrong with a code, in words that follow "layup"."""
+
+
+def angles_of(code: str) -> tuple[float, ...]:
+    """Return the angle from x to the first family of fibres of every ply [rad], bottom first.
+
+    >>> [round(math.degrees(angle)) for angle in angles_of("[0/90, 45/-45]s")]
+    [0, 45, 45, 0]
 
     Raises
     ------
-    PydanticCustomError : names the key.
+    LayupError : the code cannot be read, or has no plies.
     """
-    for index, ply in enumerate(scene.plies):
-        if ply.material is not None and ply.material not in scene.materials:
-            key = f'plies[{index}] "{ply.name}".material'
-            raise wrong(
-                _not_there(ply.material, scene.materials, "entry of [materials]"), field=key
-            )
-    stack = stack_of(scene)
-    for film in stack.films:
-        if film.material.has_fibres:
-            raise wrong(
-                f'is true, but law = "{film.material.law}" has fibres; a film is of a law without, '
-                'as "neo-hooke"',
-                field=f"{film.key}.film",
-            )
-    if stack.films and not stack.preform:
-        raise wrong(
-            "are films alone, which are taken off after forming: nothing would be left; leave film "
-            "out of one of them",
-            field="plies",
+    whole = _CODE.fullmatch(code)
+    if whole is None:
+        raise LayupError(f'is "{shortened(code)}", which is no stack of plies; write "{EXAMPLE}"')
+    if not whole["plies"].strip():
+        raise LayupError(f'has no plies; write "{EXAMPLE}"')
+    angles: list[float] = []
+    for text in _SLASH_BETWEEN_PLIES.sub(r"\1,", whole["plies"]).split(","):
+        angles += _plies_of(text.strip())
+    angles *= _count(whole["count"], code)
+    if whole["mirror"]:
+        angles += reversed(angles)
+    if len(angles) > MOST_PLIES:
+        raise LayupError(f"has {len(angles):,} plies; at most {MOST_PLIES} are read")
+    return tuple(angles)
+
+
+def names_two_families(code: str) -> bool:
+    """Tell whether a code writes any ply by two families, as in ``0/90`` or ``±45``."""
+    return any(sign in _SLASH_BETWEEN_PLIES.sub(",", code) for sign in ("/", "±", "+-"))
+
+
+def _plies_of(text: str) -> list[float]:
+    """Return the angles [rad] of one ply of the code, as often as it is laid."""
+    repeated = _REPEATED.fullmatch(text)
+    ply = repeated["ply"] if repeated else text
+    if ply.startswith("(") and ply.endswith(")"):
+        ply = ply[1:-1].strip()
+    match = _PLY.fullmatch(ply)
+    if match is None:
+        raise LayupError(
+            f'has the ply "{shortened(text)}", which is neither an angle nor two families of '
+            f"fibres such as 0/90; a comma stands between plies: {EXAMPLE}"
         )
-    for entry, ply_element in stack.elements.items():
-        if len(stack) > 1 and not ply_element.has_forces:
-            raise wrong(
-                f'is "{ply_element.type}", which lays one sheet without forces and knows nothing '
-                'of plies that touch; use element = "solid-shell"',
-                field=entry,
-            )
-    for index, upper in enumerate(stack):
-        for under in stack[:index]:
-            # one that is laid down on what is formed by then is looked at when it comes
-            if _come_together(under, upper, scene):
-                _check_overlap(under, upper)
-    _check_interfaces(scene, stack)
-
-
-def _come_together(one: PlySettings, other: PlySettings, scene: PlyTables) -> bool:
-    """Tell whether two plies are there from the same stage on."""
-    every = {stage.name for stage in scene.stages}
-    first, second = (every if ply.stages is None else set(ply.stages) for ply in (one, other))
-    return first == second
-
-
-def _check_overlap(under: PlySettings, ply: PlySettings) -> None:
-    """Refuse a ply that lies in or below one that stands before it."""
-    depth = under.top - ply.bottom
-    if depth <= DEEPEST_OVERLAP * min(under.thickness, ply.thickness) * (1.0 + 1e-9):
-        return
-    if _meet(under, ply):
-        raise wrong(
-            f'puts the ply {1e3 * depth:.4g} mm deep into "{under.name}", which stands before it '
-            f"and so lies below; leave height out, or give {1e3 * (ply.blank.height + depth):.6g} "
-            "mm or more",
-            field=f"{ply.key}.height",
+    first = float(match["first"])
+    second = -first if match["both"] else first + 90.0
+    if match["second"] is not None:
+        if match["both"]:
+            raise LayupError(f'has the ply "{text}"; write ±45 or 45/-45')
+        second = float(match["second"])
+    if abs(math.remainder(second - first, 180.0)) != 90.0:
+        raise LayupError(
+            f'has the ply "{text}", but the two families of a fabric lie at 90 deg to each other '
+            "before forming; a comma stands between plies"
         )
+    return [math.radians(first)] * _count(repeated["count"] if repeated else None, text)
 
 
-def _check_interfaces(scene: PlyTables, stack: Stack) -> None:
-    """Refuse an interface of a ply with itself, or with one that is not there."""
-    alone = len(stack) < 2
-    if alone and any(entry.between or not entry.itself for entry in scene.interfaces):
-        raise wrong(
-            "lie between plies, but the scene has one sheet; leave them out, give [[plies]], or "
-            "let the sheet touch itself with itself = true and no between",
-            field="interfaces",
-        )
-    plies = [ply.name for ply in stack]
-    given: list[tuple[frozenset[str] | None, tuple[str, ...] | None]] = []
-    for index, entry in enumerate(scene.interfaces):
-        key = f"interfaces[{index}].between"
-        pair = None if entry.between is None else frozenset(entry.between)
-        for name in entry.between or ():
-            if name not in plies and name not in scene.materials:
-                raise wrong(
-                    _not_there(name, [*plies, *scene.materials], "ply or material"), field=key
-                )
-        if pair is not None and len(pair) == 1 and pair <= set(plies):
-            raise wrong(
-                f'names the ply "{entry.between[0]}" twice; '  # type: ignore[index]
-                "an interface lies between two plies, and itself = true lets them touch themselves",
-                field=key,
-            )
-        same = [
-            number
-            for number, (other, stages) in enumerate(given)
-            if other == pair and share_a_stage(stages, entry.stages)
-        ]
-        if same:
-            together = _together(entry.stages, given[same[0]][1], scene)
-            raise wrong(
-                f"says the same two as interfaces[{same[0]}]{together}; leave one of them out"
-                if pair is not None
-                else f"is left out, and so it is in interfaces[{same[0]}]{together}; one entry "
-                "holds for all that no other one names",
-                field=key,
-            )
-        given.append((pair, entry.stages))
-
-
-def _together(one: tuple[str, ...] | None, other: tuple[str, ...] | None, scene: PlyTables) -> str:
-    """Name the first stage that two entries share, in words; nothing without stages."""
-    for stage in scene.stages:
-        if all(stages is None or stage.name in stages for stages in (one, other)):
-            return f', which is at work in the stage "{stage.name}" too'
-    return ""
-
-
-def _not_there(name: str, known: Iterable[str], what: str) -> str:
-    """Say that there is no ply or material of a name, and what is meant instead."""
-    return f'is "{name}", {no_such(name, list(known), what)}'
+def _count(text: str | None, where: str) -> int:
+    count = 1 if text is None else int(text)
+    if count == 0:
+        raise LayupError(f'lays "{shortened(where)}" no times; leave it out')
+    return min(count, MOST_PLIES + 1)

@@ -8,7 +8,7 @@ complete: what is missing is carried over from MD600 and says so.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -46,21 +46,27 @@ def _assumed(note: str) -> Basis:
     return Basis("assumed", note)
 
 
-def filled(values: Any, published: dict[str, dict[str, tuple[Any, Basis]]]) -> Any:
+#: Entries as a scene file gives them, each with its basis: by dotted key below their table.
+Entries = dict[str, tuple[Any, Basis]]
+
+
+def filled(values: object, published: dict[str, Entries]) -> object:
     """Return a table with its entries put over those of the preset that it names."""
     if not isinstance(values, dict) or values.get("preset") is None:
         return values
-    preset = values["preset"]
-    if preset not in published:
-        close = difflib.get_close_matches(str(preset), published, n=1, cutoff=0.3)
-        hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(published)}"
-        raise wrong(f'there is no preset "{preset}"{hint}', field="preset")
-    return published_values(published, preset) | values
+    _require_preset(values["preset"], published)
+    return published_values(published, values["preset"]) | values
 
 
-def published_values(
-    published: dict[str, dict[str, tuple[Any, Basis]]], name: str | None
-) -> dict[str, Any]:
+def _require_preset(name: object, published: Iterable[str]) -> None:
+    known = list(published)
+    if name not in known:
+        close = difflib.get_close_matches(str(name), known, n=1, cutoff=0.3)
+        hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(known)}"
+        raise wrong(f'there is no preset "{name}"{hint}', field="preset")
+
+
+def published_values(published: dict[str, Entries], name: str | None) -> dict[str, Any]:
     """Return the entries of a preset as a scene file gives them, its name among them."""
     if name is None:
         return {}
@@ -82,7 +88,7 @@ class PublishedFabric:
 
     name: str
     description: str
-    values: dict[str, tuple[Any, Basis]]
+    values: Entries
 
     @cached_property
     def entries(self) -> dict[str, Any]:
@@ -179,7 +185,7 @@ _AS_MD600 = {
 }
 
 
-def _like_md600(name: str, description: str, own: dict[str, tuple[Any, Basis]]) -> PublishedFabric:
+def _like_md600(name: str, description: str, own: Entries) -> PublishedFabric:
     """Complete what is known of a fabric by the values of MD600, as assumptions."""
     values = dict(own)
     for key, (value, basis) in _MD600.values.items():
@@ -285,17 +291,14 @@ LAWS_OF_PRESET = dict.fromkeys(PRESETS, ("fabric", "fabric-with-set"))
 MEASURED_COMPACTION = {"MD600": (0.2820, 0.0926)}
 
 
-def fill_preset(material: Any) -> Any:
+def fill_preset(material: object) -> object:
     """Merge the keys of a scene's [material] table over those of the preset that it names."""
     if not isinstance(material, dict) or material.get("preset") is None:
         return material
     preset = material["preset"]
     if not isinstance(preset, str):
         raise wrong(f'must be a name in quotes, such as "{next(iter(PRESETS))}"', field="preset")
-    if preset not in PRESETS:
-        close = difflib.get_close_matches(str(preset), PRESETS, n=1, cutoff=0.3)
-        hint = f'; did you mean "{close[0]}"?' if close else f"; there is {', '.join(PRESETS)}"
-        raise wrong(f'there is no preset "{preset}"{hint}', field="preset")
+    _require_preset(preset, PRESETS)
     law = PRESETS[preset]["law"]
     if material.get("law", law) not in LAWS_OF_PRESET[preset]:
         raise wrong(
@@ -320,7 +323,7 @@ _EXERCISE = "Soden, Hinton, Kaddour, Composites Science and Technology 58 (1998)
 
 
 #: Published fibres by name: every value as a scene file gives it, and what it rests on.
-FIBRES: dict[str, dict[str, tuple[Any, Basis]]] = {
+FIBRES: dict[str, Entries] = {
     "T300": {
         "E1": ("230 GPa", _stated(f"{_EXERCISE}, Table 1")),
         "E2": ("15 GPa", _stated(f"{_EXERCISE}, Table 1")),
@@ -348,7 +351,7 @@ FIBRES: dict[str, dict[str, tuple[Any, Basis]]] = {
 }
 
 #: Published resins by name.
-RESINS: dict[str, dict[str, tuple[Any, Basis]]] = {
+RESINS: dict[str, Entries] = {
     "MY750": {
         "E": ("3.35 GPa", _stated(f"epoxy MY750/HY917/DY063, {_EXERCISE}, Table 2")),
         "nu": (0.35, _stated(f"epoxy MY750/HY917/DY063, {_EXERCISE}, Table 2")),
@@ -376,7 +379,7 @@ _CHEN = Basis(
 #: taken from a public transcription and has been compared with others as its note says.
 #:
 #: Viscosity laws after Castro and Macosko by name.
-VISCOSITIES: dict[str, dict[str, tuple[Any, Basis]]] = {
+VISCOSITIES: dict[str, Entries] = {
     # Cyanate ester AroCy L-10, a thin resin for transfer moulding.
     "AroCy-L10": {
         "reference_viscosity": ("3.32e-8 Pa*s", _CHEN),
@@ -388,7 +391,7 @@ VISCOSITIES: dict[str, dict[str, tuple[Any, Basis]]] = {
 }
 
 
-def _epoxy(source: str, values: tuple[Any, ...]) -> dict[str, tuple[Any, Basis]]:
+def _epoxy(source: str, values: tuple[Any, ...]) -> Entries:
     keys = (
         "rate_1", "energy_1", "rate_2", "energy_2", "order_1", "autocatalytic_order", "order",
     )  # fmt: skip
@@ -398,7 +401,7 @@ def _epoxy(source: str, values: tuple[Any, ...]) -> dict[str, tuple[Any, Basis]]
 
 #: Rates of cure by name. All three describe the epoxy RTM6: what separates them is what a fit to
 #: calorimetry is worth.
-CURES: dict[str, dict[str, tuple[Any, Basis]]] = {
+CURES: dict[str, Entries] = {
     "RTM6-Karkanas": _epoxy(
         "P. I. Karkanas, PhD thesis, Cranfield University, 1998",
         ("2.6e4 1/s", "74.69 kJ/mol", "5.78e4 1/s", "57.88 kJ/mol", 0.449, 1.217, 1.786),

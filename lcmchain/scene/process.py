@@ -1,23 +1,37 @@
-"""Scene table of the process, and the time of one that gives none.
+"""Scene tables of the process and of its stages, and the time of one that gives none.
 
 A process without rates takes any time. In the simulation it takes as long as inertia needs to stay
 small, and no longer. The slowest shear vibration of the sheet, where its law is softest, is the
 measure; while the process runs, its pace follows the energies (:mod:`lcmchain.effects.pace`).
+
+A stage is a time with motions of its own, and with the tools, grippers, pressures and interfaces
+that are at work in it.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from lcmchain.effects.mass_scaling import MassScaling
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material
 from lcmchain.materials.shear_waves import shear_wave_speeds
-from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range, Rate, Switch
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import (
+    AbsentMeans,
+    Name,
+    Number,
+    PositiveTime,
+    Range,
+    Rate,
+    SceneModel,
+    Switch,
+)
+from lcmchain.tools.motion import (
+    Motion,
+)
 
 #: What leaving out the time means, for the table of defaulted values.
 FOUND_TIME = "found from the sheet"
@@ -32,13 +46,13 @@ class Process(SceneModel):
     time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
         default=None,  # type: ignore[assignment]  # the scene fills it in before anybody reads it
         validate_default=False,
-        description="Simulated time. Left out where a stroke leads the sheet, it is found from the "
-        "sheet, and the pace of the process follows its energies.",
+        description="Simulated time. Left out where a stroke leads the sheet, it is found from "
+        "the sheet, and the pace follows its energies.",
     )
     quasi_static: Annotated[float, Number(2.0, Range(0.1, 100.0))] = Field(
         default=1.0,
-        description="How slow a process without a time is: 2 takes twice the steps, and has a "
-        "quarter of the kinetic energy.",
+        description="How slow a process without a time is: 2 has twice the steps and a quarter "
+        "of the kinetic energy.",
     )
     frames: Annotated[int, Number(21, Range(2, 100_000), whole=True)] = Field(
         default=21, description="Saved frames, including the start."
@@ -51,8 +65,8 @@ class Process(SceneModel):
     damping_average: Annotated[PositiveTime | None, AbsentMeans("none: all motion is damped")] = (
         Field(
             default=None,
-            description="Mass damping acts on a node's velocity relative to its mean over about "
-            "this time, so that steady drawing is not damped.",
+            description="Mass damping acts on a velocity less its mean over about this time: "
+            "steady drawing is not damped.",
         )
     )
     gravity: Switch = Field(default=False, description="9.81 m/s2 along -z on the blank.")
@@ -61,18 +75,68 @@ class Process(SceneModel):
     )
     fibre_modulus_factor: Annotated[float, Number(0.25, Range(0.0, 1.0, (0.0,)))] = Field(
         default=1.0,
-        description="Modulus of the fibres in the simulation over that of the fabric: a lower one "
-        "makes the time step larger.",
+        description="Simulated modulus of the fibres over that of the fabric: a lower one makes "
+        "the time step larger.",
     )
     fibre_strain_allowed: Annotated[float, Number(0.002, Range(0.0, 0.1, (0.0,)))] = Field(
         default=0.002,
-        description="Largest fibre strain that a lowered modulus may lead to; a run that exceeds "
-        "it warns and says which factor to use.",
+        description="Largest fibre strain with a lowered modulus; a run that exceeds it says "
+        "which factor to use.",
     )
     mass_scaling: Annotated[MassScaling | None, AbsentMeans("no mass is added")] = Field(
         default=None,
         description="Inertia that is added to the sheet for a larger time step.",
     )
+
+
+class Stage(SceneModel):
+    """A stage of the process: its time, and what moves in it."""
+
+    name: Annotated[str, Name("close")] = Field(description="Name in results and messages.")
+    time: Annotated[PositiveTime, AbsentMeans(FOUND_TIME)] = Field(
+        default=None,  # type: ignore[assignment]  # filled in before anybody reads it
+        validate_default=False,
+        description="How long it takes. Left out where a stroke leads the sheet, it is found as "
+        "process.time is.",
+    )
+    motions: Annotated[dict[Annotated[str, Name("punch")], Motion], AbsentMeans("")] = Field(
+        default_factory=dict,
+        description="Motions by the name of a tool, or of a gripper that holds. Travel and times "
+        "count from the start of the stage.",
+    )
+    mass_damping: Annotated[Rate | None, AbsentMeans("process.mass_damping")] = Field(
+        default=None, description="Mass-proportional damping in this stage."
+    )
+    rest: Switch = Field(
+        default=False,
+        description="The sheet comes to rest: it is stopped at each peak of its kinetic energy, "
+        "and the stage ends when it is at rest, at the latest after its time.",
+    )
+    rest_energy: Annotated[float, Number(1e-4, Range(0.0, 0.1, (0.0,)))] = Field(
+        default=1e-4,
+        description="The sheet is at rest when its kinetic energy stays below this part of the "
+        "energy that was stored when the motions of the stage had ended.",
+    )
+    resin_time: Annotated[PositiveTime | None, AbsentMeans("part of infiltration.time")] = Field(
+        default=None,
+        description="Time of the stage for a resin that flows meanwhile "
+        "(infiltration.with_forming). Stages without it share what is left of "
+        "infiltration.time by their times.",
+    )
+    springback_from: Annotated[
+        Annotated[str, Name("close")] | None, AbsentMeans("the stage before")
+    ] = Field(
+        default=None,
+        description="With rest: the stage at whose end the part has the shape that springback is "
+        "measured from.",
+    )
+
+    _found: bool = PrivateAttr(default=False)
+
+    @property
+    def time_is_found(self) -> bool:
+        """Whether the scene gives no time for it."""
+        return self._found
 
 
 # --- the time that is found -----------------------------------------------------------------------
@@ -92,7 +156,7 @@ AVERAGING_PART = 0.06
 
 
 def found_time(
-    process: Any, extent: tuple[float, float], material: Material, travel: float
+    process: Process, extent: tuple[float, float], material: Material, travel: float
 ) -> float:
     """Return the time of a process at pace 1 [s].
 
@@ -142,36 +206,3 @@ def require_time_for_rates(*, time_is_found: bool, resists_rates: bool) -> None:
             f'is missing, but {DEPENDS_ON_RATES}; give time = "200 ms"',
             key="process.time",
         )
-
-
-def why_time_is_needed(scene: Any, is_led: bool) -> str | None:
-    """Return why a scene cannot leave its time out, in words that follow "is missing, and"."""
-    if not scene.element.has_forces:
-        return None
-    if scene.wet_forming is not None:
-        return "resin flows while the sheet is formed (infiltration.with_forming)"
-    if scene.effects.viscous_shear != "off" and any(
-        ply.material.resists_shear_rates for ply in scene.stack
-    ):
-        return "the shear of the fabric depends on its rate (material.viscous)"
-    if scene.effects.viscous_bending != "off" and any(
-        ply.material.bending_resists_rates for ply in scene.stack
-    ):
-        return (
-            "the bending of the fabric depends on its rate (material.bending.viscous_1, viscous_2)"
-        )
-    if scene.effects.compaction_relaxation != "off" and any(
-        ply.material.relaxes for ply in scene.stack
-    ):
-        return "the compaction of the fabric relaxes (material.viscous.compaction)"
-    if not is_led:
-        return (
-            "no tool has a stroke: weight, pressures and the loads of guided tools move the sheet "
-            "in a time of their own"
-        )
-    given: dict[str, Any] = {"output.history_interval": scene.output.history_interval}
-    for index, pressure in enumerate(scene.pressure):
-        key = f'pressure[{index}] "{pressure.name}"'
-        given |= {f"{key}.ramp": pressure.ramp, f"{key}.times": pressure.times}
-    found = [key for key, value in given.items() if value is not None]
-    return f"{found[0]} is a time of the process" if found else None

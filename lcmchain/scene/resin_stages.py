@@ -12,8 +12,10 @@ from collections.abc import Iterator, Sequence
 from itertools import accumulate
 from typing import Any, NamedTuple
 
-from lcmchain.quantities.entry_types import wrong
-from lcmchain.quantities.scene_model import no_such
+from lcmchain.quantities.entry_types import no_such, wrong
+from lcmchain.scene.infiltration import Gate, Infiltration, Vent
+from lcmchain.scene.process import Stage
+from lcmchain.scene.tables import SceneTables
 
 
 class ResinStage(NamedTuple):
@@ -40,46 +42,53 @@ class ResinStage(NamedTuple):
         return (self.resin_end - self.resin_start) / (self.end - self.start)
 
 
-def resin_stages(scene: Any) -> tuple[ResinStage, ...]:
+def resin_stages(scene: SceneTables) -> tuple[ResinStage, ...]:
     """Return the stages of a process in which resin flows; none of one without stages."""
-    return _resin_stages(scene, scene.process.time) if scene.stages else ()
+    if not scene.stages or scene.infiltration is None:
+        return ()
+    return _resin_stages(scene.stages, scene.infiltration, scene.process.time)
 
 
-def _resin_stages(scene: Any, time: float) -> tuple[ResinStage, ...]:
-    """Return the stages of a process that takes a time [s].
+def _resin_stages(
+    stages: Sequence[Stage], case: Infiltration, time: float
+) -> tuple[ResinStage, ...]:
+    """Return stages on both clocks.
+
+    Parameters
+    ----------
+    stages : with their times. case : the infiltration. time : of the process [s].
 
     Raises
     ------
     PydanticCustomError : the stages' own times of the resin do not fit to that of the infiltration.
     """
-    ends = list(accumulate(stage.time for stage in scene.stages))
-    own_ends = list(accumulate(_resin_times(scene)))
-    last = max(number for number, stage in enumerate(scene.stages) if not stage.rest)
+    ends = list(accumulate(stage.time for stage in stages))
+    resin_ends = list(accumulate(_resin_times(stages, case)))
+    last = max(number for number, stage in enumerate(stages) if not stage.rest)
     ends[-1] = time
-    own_ends[last:] = [scene.infiltration.time] * (len(ends) - last)
+    resin_ends[last:] = [case.time] * (len(ends) - last)
     return tuple(
         ResinStage(stage.name, *times)
         for stage, *times in zip(
-            scene.stages, [0.0, *ends], ends, [0.0, *own_ends], own_ends, strict=False
+            stages, [0.0, *ends], ends, [0.0, *resin_ends], resin_ends, strict=False
         )
     )
 
 
-def _resin_times(scene: Any) -> list[float]:
+def _resin_times(stages: Sequence[Stage], case: Infiltration) -> list[float]:
     """Return what every stage takes for the resin [s]; 0 where none flows."""
-    case, stages = scene.infiltration, scene.stages
-    given = math.fsum(stage.resin_time or 0.0 for stage in stages)
+    taken = math.fsum(stage.resin_time or 0.0 for stage in stages)
     sharing = [stage for stage in stages if not stage.rest and stage.resin_time is None]
-    left = case.time - given
+    left = case.time - taken
     if not sharing and abs(left) > 1e-9 * case.time:
         raise wrong(
-            f"is {case.time:g} s, but the stages take {given:g} s by their resin_time; give the "
+            f"is {case.time:g} s, but the stages take {taken:g} s by their resin_time; give the "
             "same, or leave out the resin_time of one of them",
             field="infiltration.time",
         )
     if sharing and left <= 1e-9 * case.time:
         raise wrong(
-            f"is {case.time:g} s, but other stages take {given:g} s by their resin_time, and "
+            f"is {case.time:g} s, but other stages take {taken:g} s by their resin_time, and "
             f'nothing is left for the stage "{sharing[0].name}"; give a longer time, or its own '
             "resin_time",
             field="infiltration.time",
@@ -90,7 +99,7 @@ def _resin_times(scene: Any) -> list[float]:
     ]
 
 
-def require_resin(scene: Any) -> None:
+def require_resin(scene: SceneTables) -> None:
     """Refuse times of a resin that does not flow, and a process in which none can."""
     wet = scene.wet_forming is not None
     for number, stage in enumerate(scene.stages):
@@ -122,25 +131,26 @@ def require_resin(scene: Any) -> None:
 # --- gates and vents of stages --------------------------------------------------------------------
 
 
-def _places(scene: Any) -> Iterator[tuple[str, int, Any]]:
+def _openings(scene: SceneTables) -> Iterator[tuple[str, int, Gate | Vent]]:
     """Yield list, number and entry of the gates and vents that name stages."""
     for name in ("gates", "vents") if scene.infiltration is not None else ():
-        for number, place in enumerate(getattr(scene.infiltration, name)):
-            if place.stages is not None:
-                yield name, number, place
+        for number, opening in enumerate(getattr(scene.infiltration, name)):
+            if opening.stages is not None:
+                yield name, number, opening
 
 
-def require_no_places_of_stages(scene: Any) -> None:
+def require_no_places_of_stages(scene: SceneTables) -> None:
     """Refuse gates and vents of stages where no resin flows in stages."""
-    for name, number, place in _places(scene):
+    for name, number, opening in _openings(scene):
+        first = (opening.stages or ("",))[0]
         raise wrong(
-            f'names "{place.stages[0]}", but no resin flows in stages of the process; leave it '
+            f'names "{first}", but no resin flows in stages of the process; leave it '
             "out, or give [infiltration.with_forming] and [[stages]]",
-            field=f'infiltration.{name}[{number}] "{place.name}".stages',
+            field=f'infiltration.{name}[{number}] "{opening.name}".stages',
         )
 
 
-def with_places_of_stages(scene: Any, time: float) -> dict[str, Any]:
+def with_places_of_stages(scene: SceneTables, time: float) -> dict[str, Any]:
     """Return the infiltration with the times of its gates and vents on the clock of the resin.
 
     Those that name stages count their times from when the first of them begins, and are closed
@@ -155,32 +165,35 @@ def with_places_of_stages(scene: Any, time: float) -> dict[str, Any]:
     PydanticCustomError : stages that are not there, or do not follow one another; times of the
         resin that do not fit together.
     """
-    if scene.wet_forming is None:
+    case = scene.wet_forming
+    if case is None:
         return {}
-    case, stages = scene.infiltration, _resin_stages(scene, time)
-    found: dict[str, list[Any]] = {name: list(getattr(case, name)) for name in ("gates", "vents")}
-    for name, number, place in _places(scene):
-        key = f'infiltration.{name}[{number}] "{place.name}".stages'
-        found[name][number] = _on_the_clock(place, stages, key)
-    return {"infiltration": case.model_copy(update={n: tuple(p) for n, p in found.items()})}
+    stages = _resin_stages(scene.stages, case, time)
+    openings: dict[str, list[Gate | Vent]] = {"gates": [*case.gates], "vents": [*case.vents]}
+    for name, number, opening in _openings(scene):
+        key = f'infiltration.{name}[{number}] "{opening.name}".stages'
+        openings[name][number] = _on_the_clock(opening, stages, key)
+    changed = {name: tuple(entries) for name, entries in openings.items()}
+    return {"infiltration": case.model_copy(update=changed)}
 
 
-def _on_the_clock(place: Any, stages: Sequence[ResinStage], key: str) -> Any:
+def _on_the_clock(place: Gate | Vent, stages: Sequence[ResinStage], key: str) -> Gate | Vent:
     """Return a gate or vent whose times count from the start of the infiltration."""
     names = [stage.name for stage in stages]
-    for name in place.stages:
+    named = place.stages or ()
+    for name in named:
         if name not in names:
             raise wrong(f'names "{name}", {no_such(name, names, "stage")}', field=key)
-    own = sorted(names.index(name) for name in place.stages)
+    numbers = sorted(names.index(name) for name in named)
     flowing = [number for number, stage in enumerate(stages) if stage.flows]
-    first, last = own[0], own[-1]
-    if not any(number in flowing for number in own):
+    first, last = numbers[0], numbers[-1]
+    if not any(number in flowing for number in numbers):
         raise wrong(
             f'names "{names[first]}", which ends at rest: no resin flows in it; name another stage',
             field=key,
         )
     for number in flowing:
-        if first < number < last and number not in own:
+        if first < number < last and number not in numbers:
             raise wrong(
                 f'leaves out "{names[number]}", which lies between the others; name stages that '
                 "follow one another, or give a second entry",

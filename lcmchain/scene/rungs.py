@@ -84,12 +84,12 @@ def left_out_of(scene: Scene) -> list[str]:
     They are what was dropped on the way to its rung, and what a scene that names a net of fibres
     itself says of weight.
     """
-    found = list(scene.source.left_out)
+    keys = list(scene.source.left_out)
     if not scene.element.has_forces:
         if scene.before_switches.get("process", scene.process).gravity:
-            found.append("process.gravity")
-        found += [f"effects.{item.key}" for item in scene.switched if item.setting == "on"]
-    return found
+            keys.append("process.gravity")
+        keys += [f"effects.{item.key}" for item in scene.switched if item.setting == "on"]
+    return keys
 
 
 def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[str]]:
@@ -100,11 +100,11 @@ def _changes(scene: Scene, model: str) -> tuple[dict[str, Any], list[str], list[
     if scene.element.type != element.type:
         left_out = [f"element.{name}" for name in sorted(scene.element.model_fields_set - {"type"})]
     overrides = [f"element={ENTRIES[model]}"]
-    own = [index for index, ply in enumerate(scene.plies) if ply.element is not None]
-    if own:
+    with_elements = [index for index, ply in enumerate(scene.plies) if ply.element is not None]
+    if with_elements:
         changes["plies"] = tuple(ply.model_copy(update={"element": None}) for ply in scene.plies)
-        left_out += [f"plies.{scene.plies[index].name}.element" for index in own]
-        overrides += [f"plies[{index}].element={ENTRIES[model]}" for index in own]
+        left_out += [f"plies.{scene.plies[index].name}.element" for index in with_elements]
+        overrides += [f"plies[{index}].element={ENTRIES[model]}" for index in with_elements]
     unknown = []
     if not element.has_thickness:
         unknown = [name for name in ("permeability", "infiltration") if getattr(scene, name)]

@@ -24,60 +24,55 @@ from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.interfaces.table import Interface
-from lcmchain.materials.laws import TABLES, AnyMaterial
+from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank
-from lcmchain.quantities.at_work import MOST_STAGES
-from lcmchain.quantities.entry_types import AbsentMeans, Name, Row, Text, wrong
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
+from lcmchain.quantities.entry_types import (
+    MOST_STAGES,
+    AbsentMeans,
+    Name,
+    Row,
+    SceneModel,
+    Text,
+    with_own_names,
+    wrong,
+)
+from lcmchain.scene.checks import check_scene, check_stack
+from lcmchain.scene.completed_stages import completed_stages, require_no_stages
 from lcmchain.scene.draping import Draping
 from lcmchain.scene.infiltration import Infiltration
-from lcmchain.scene.layup import EXAMPLE as LAYUP_EXAMPLE
-from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of, names_two_families
-from lcmchain.scene.output import DEFAULT_SAMPLES, MOST_SAMPLES, MappingTarget, Output, Unit
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
+from lcmchain.scene.output import DEFAULT_SAMPLES, SHEET_NAME, MappingTarget, Output, Unit
+from lcmchain.scene.pace import why_time_is_needed
+from lcmchain.scene.plies import EXAMPLE as LAYUP_EXAMPLE
 from lcmchain.scene.plies import (
+    MOST_PLIES,
+    LayupError,
     Ply,
-    PlySettings,
-    Stack,
-    check_stack,
+    angles_of,
     complete_element,
     named_plies,
-    stack_of,
 )
 from lcmchain.scene.presets import fill_preset
 from lcmchain.scene.process import (
     AVERAGING_PART,
     DAMPING_TIMES_TIME,
     Process,
-    found_time,
-    why_time_is_needed,
-)
-from lcmchain.scene.stages import (
     Stage,
-    StagePlan,
-    completed_stages,
-    frame_times,
-    laid_later,
-    require_no_stages,
-    stage_plans,
+    found_time,
 )
+from lcmchain.scene.stack import PlySettings, Stack, stack_of
+from lcmchain.scene.stages import StagePlan, frame_times, stage_plans
 from lcmchain.tools.motion import PRESCRIBED
 from lcmchain.tools.tool import Tool
 
 #: Text that takes back an optional table, for overrides: TOML has no null.
 NONE = "none"
 
-#: Name of the files of an infiltration of the formed sheet itself.
-SHEET_NAME = "sheet"
-
 #: Most tools and meshes to map onto, far above any use: each costs time in every step or file.
 MOST_TOOLS = 200
 MOST_MESHES = 100
 MOST_PRESSURES = 100
 MOST_GRIPPERS = 200
-
-#: Gap between plies at the start that counts as none where resin flows, in parts of the thinner.
-LARGEST_WET_GAP = 0.01
 
 
 @dataclass(frozen=True)
@@ -129,16 +124,16 @@ class Scene(SceneModel):
     ] = Field(default=(), description="The plies of a stack, bottom first, in place of [blank].")
     layup: Annotated[Annotated[str, Text(LAYUP_EXAMPLE)] | None, AbsentMeans("")] = Field(
         default=None,
-        description="Short form of a stack of plies that share [blank] and [material]: their "
-        "angles in degrees, bottom first.",
+        description="Short form of plies that share [blank] and [material]: their angles in "
+        "degrees, bottom first.",
     )
     blank: Annotated[Blank | None, AbsentMeans("")] = Field(
         default=None, description="The flat textile layer before forming; needed without [[plies]]."
     )
     material: Annotated[AnyMaterial | None, AbsentMeans("")] = Field(
         default=None,
-        description="What the sheet is made of, and how it deforms; needed unless all plies name "
-        "an entry of [materials].",
+        description="What the sheet is made of; needed unless all plies name an entry of "
+        "[materials].",
     )
     materials: Annotated[dict[Annotated[str, Name("biaxial")], AnyMaterial], AbsentMeans("")] = (
         Field(
@@ -210,8 +205,8 @@ class Scene(SceneModel):
     )
     infiltration: Annotated[Infiltration | None, AbsentMeans(NONE)] = Field(
         default=None,
-        description="Infiltration of the formed sheet on its own faces; on another mesh it stands "
-        "in its [[mapping]] entry.",
+        description="Infiltration of the formed sheet itself; that of another mesh stands in its "
+        "[[mapping]] entry.",
     )
     fmu: Annotated[Unit | None, AbsentMeans("contact.friction alone is a parameter")] = Field(
         default=None, description="What a master may set in the unit of lcmchain fmu build."
@@ -486,14 +481,16 @@ class Scene(SceneModel):
         for index, gripper in enumerate(self.grippers):
             key = f'grippers[{index}] "{gripper.name}"'
             grippers.append(gripper.without_time(time, key=key).completed(time, key=key))
-        found = {"time": time}
+        filled_in = {"time": time}
         if "mass_damping" not in process.model_fields_set:
-            found["mass_damping"] = DAMPING_TIMES_TIME / time
+            filled_in["mass_damping"] = DAMPING_TIMES_TIME / time
         if process.damping_average is None:
-            found["damping_average"] = AVERAGING_PART * time
+            filled_in["damping_average"] = AVERAGING_PART * time
         # the scene is frozen for everybody else
         self.__dict__.update(
-            process=process.model_copy(update=found), tools=tuple(tools), grippers=tuple(grippers)
+            process=process.model_copy(update=filled_in),
+            tools=tuple(tools),
+            grippers=tuple(grippers),
         )
         self._time_is_found = True
         return self
@@ -518,142 +515,8 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:
-        stack = self.stack
-        if self.permeability is not None:
-            self._require_fibre_density("permeability", " or leave [permeability] out")
-        for ply in stack:
-            if ply.element.type not in ply.material.families:
-                raise wrong(_law_of_no_use(ply), field=f"{ply.material_key}.law")
-        if self.layup is not None and names_two_families(self.layup):
-            other = next((ply for ply in stack if not ply.material.is_biaxial), None)
-            if other is not None:
-                raise wrong(
-                    f'is "{self.layup}", which writes plies by two families at a right angle, but '
-                    f"those of {other.material.name} are others; write the angle of each ply from "
-                    'x to its first axis alone, as in "[0, 90]"',
-                    field="layup",
-                )
-        flat = next((ply.element for ply in stack if not ply.element.has_thickness), None)
-        if flat is not None and self.permeability is not None:
-            raise wrong(
-                f'needs the thickness, which element = "{flat.type}" does not predict; use '
-                'element = "solid-shell", or leave the entry out (on the command line: '
-                "--set permeability=none)",
-                field="permeability",
-            )
-        if not self.element.has_forces:
-            self._check_draping()
-        if self.pressure and flat is not None:
-            raise wrong(
-                f'acts on the faces of the sheet, but element = "{flat.type}" has one '
-                'layer of nodes; use element = "solid-shell"',
-                field="pressure",
-            )
-        for index, entry in enumerate(self.pressure):
-            names = [ply.name for ply in stack]
-            if entry.ply is not None and entry.ply not in names:
-                raise wrong(
-                    f'is "{entry.ply}", but there is no such ply; there is {", ".join(names)}',
-                    field=f'pressure[{index}] "{entry.name}".ply',
-                )
-        if len(stack) > 1:
-            self._check_what_knows_one_sheet()
-        self._check_infiltrations()
-        for ply in stack:
-            share = getattr(ply.element, "fibre_hourglass", None)
-            if share not in (None, 1.0) and not ply.material.has_fibres:
-                raise wrong(
-                    f'is {share:g}, but law = "{ply.material.law}" has no fibres; leave it out',
-                    field=f"{ply.element_key}.fibre_hourglass",
-                )
-        if self.process.fibre_modulus_factor != 1.0 and not stack.has_fibres:
-            raise wrong(
-                f'is {self.process.fibre_modulus_factor:g}, but law = "{stack[0].material.law}" '
-                "has no fibres whose modulus could be lowered; leave it out",
-                field="process.fibre_modulus_factor",
-            )
-        if self.process.time > MOST_SAMPLES * self.history_interval:
-            raise wrong(
-                f"gives more than {MOST_SAMPLES:,} samples over process.time; use a longer one",
-                field="output.history_interval",
-            )
-        for ply in stack:
-            if ply.thickness > min(ply.blank.extent):
-                raise wrong(
-                    f"is {ply.thickness * 1e3:g} mm, larger than the blank; check its unit",
-                    field=f"{ply.material_key}.thickness",
-                )
+        check_scene(self)
         return self
-
-    def _require_fibre_density(self, asker: str, otherwise: str = "") -> None:
-        for key, material in {p.material_key: p.material for p in self.stack.preform}.items():
-            if material.fibre_density is None:
-                raise wrong(
-                    f"is missing, but {asker} needs the fibre volume fraction; give "
-                    f'fibre_density = "1810 kg/m^3"{otherwise}',
-                    field=f"{key}.fibre_density",
-                )
-
-    def _check_what_knows_one_sheet(self) -> None:
-        """Refuse the loads and stages that a stack would need a rule of its own for."""
-        for index, entry in enumerate(self.pressure):
-            if entry.ply is None and not self.stack.has_one_outline:
-                raise wrong(
-                    "acts on the outer faces of a stack, but its plies have unlike outlines: which "
-                    "faces lie bare beside a smaller ply changes as they slide; name the ply whose "
-                    "face is pressed (ply), give all plies one outline, or press with a tool",
-                    field=f'pressure[{index}] "{entry.name}"',
-                )
-        for key, case in self._cases():
-            if case.with_forming is not None:
-                self._check_wet_stack(key)
-
-    def _check_wet_stack(self, key: str) -> None:
-        """Refuse stacks in which it is not known what resin presses on, or where it is."""
-        if self.stack.films:
-            raise wrong(
-                f'lets resin flow through all plies while they are formed, but "'
-                f'{self.stack.films[0].name}" is a film, through which none flows; leave the entry '
-                "out, and the formed stack is filled",
-                field=f"{key}.with_forming",
-            )
-        if later := laid_later(self):
-            raise wrong(
-                f"lets resin flow through all plies while they are formed, but "
-                f'"{later[0].name}" is laid down later, dry; leave its stages out, or leave the '
-                "entry out, and the formed stack is filled",
-                field=f"{key}.with_forming",
-            )
-        for below, ply in self.stack.lying_on_each_other():
-            gap = ply.bottom - below.top
-            if abs(gap) > LARGEST_WET_GAP * min(below.thickness, ply.thickness):
-                what = f"leaves a gap of {1e3 * gap:.4g} mm to"
-                if gap < 0.0:
-                    what = f"puts the ply {-1e3 * gap:.4g} mm deep into"
-                raise wrong(
-                    f'{what} "{below.name}", but with '
-                    f"{key}.with_forming plies lie on each other at the start: whether resin is "
-                    "between them is not known; leave the height out",
-                    field=f"{ply.key}.height",
-                )
-
-    def _check_draping(self) -> None:
-        """Refuse what a net without forces knows nothing of."""
-        loads = "pressure" if self.pressure else "grippers" if self.grippers else None
-        if self.infiltration is not None and self.infiltration.with_forming is not None:
-            loads = "infiltration.with_forming"
-        if loads is not None:
-            raise wrong(
-                f'acts on the sheet while it is formed, but element = "{self.element.type}" has no '
-                'forces; leave it out, or use element = "solid-shell"',
-                field=loads,
-            )
-        if self.draping.courses and self.infiltration is not None:
-            raise wrong(
-                "fills the formed sheet, whose courses have no common nodes: resin would not cross "
-                "their joints; fill a mesh that it is mapped to ([mapping.infiltration])",
-                field="infiltration",
-            )
 
     @property
     def wet_forming(self) -> Infiltration | None:
@@ -664,66 +527,10 @@ class Scene(SceneModel):
     @property
     def infiltrations(self) -> dict[str, tuple[Infiltration, MappingTarget | None]]:
         """Infiltrations by the name of their files, each with its mesh, None for the sheet."""
-        found: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
+        by_name: dict[str, tuple[Infiltration, MappingTarget | None]] = {}
         if self.infiltration is not None:
-            found[SHEET_NAME] = self.infiltration, None
+            by_name[SHEET_NAME] = self.infiltration, None
         for target in self.mapping:
             if target.infiltration is not None:
-                found[target.name] = target.infiltration, target
-        return found
-
-    def _cases(self) -> list[tuple[str, Infiltration]]:
-        """Return every infiltration behind its key."""
-        cases = [("infiltration", self.infiltration)]
-        cases += [
-            (f'mapping[{index}] "{target.name}".infiltration', target.infiltration)
-            for index, target in enumerate(self.mapping)
-        ]
-        return [(key, case) for key, case in cases if case is not None]
-
-    def _check_infiltrations(self) -> None:
-        """Refuse an infiltration that the formed sheet has nothing for."""
-        for key, case in self._cases():
-            if not self.stack.has_thickness:
-                raise wrong(
-                    f'needs the thickness, which element = "{self.element.type}" does not '
-                    'predict; use element = "solid-shell"',
-                    field=key,
-                )
-            self._require_fibre_density("infiltration")
-            if self.permeability is None and case.permeability is None:
-                raise wrong(
-                    "is missing, but infiltration needs it; give [permeability] with "
-                    'law = "gebart" and fibre_radius = "3.5 um", or a permeability in '
-                    f"[{key.partition('[')[0]}{'.infiltration' if '[' in key else ''}]",
-                    field="permeability",
-                )
-        for index, target in enumerate(self.mapping):
-            if target.infiltration is not None and target.infiltration.with_forming is not None:
-                raise wrong(
-                    f"flows in a mesh of its own, {target.mesh}; with_forming stands in "
-                    "[infiltration], that of the sheet",
-                    field=f'mapping[{index}] "{target.name}".infiltration.with_forming',
-                )
-        for key, place in self.infiltration.places() if self.infiltration is not None else ():
-            if place.set is not None:
-                raise wrong(
-                    f'names the set "{place.set}", but the formed sheet has no sets: name a point, '
-                    "a box, a loop or the rim, or fill a mesh that has it ([mapping.infiltration])",
-                    field=f"infiltration.{key}.set",
-                )
-        if self.infiltration is not None and SHEET_NAME in [t.name for t in self.mapping]:
-            raise wrong(
-                f'has the name "{SHEET_NAME}", that of the files of [infiltration]; choose another',
-                field="mapping",
-            )
-
-
-def _law_of_no_use(ply: PlySettings) -> str:
-    """Say that the elements of a ply do not know the law of its material, and what does."""
-    element, law = ply.element.type, ply.material.law
-    known = [f'"{table.law_name()}"' for table in TABLES if element in table.families]
-    return (
-        f'is "{law}", but element = "{element}" knows the law {" and ".join(known)} only; use '
-        f'element = "{ply.material.families[0]}"'
-    )
+                by_name[target.name] = target.infiltration, target
+        return by_name

@@ -26,11 +26,12 @@ from lcmchain.quantities.entry_types import (
     Pressure,
     Range,
     Row,
+    SceneModel,
     Switch,
     Text,
+    with_own_names,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
 from lcmchain.scene.presets import FIBRES, RESINS, filled, published_values
 
 #: What a support can hold: displacements, and rotations of the nodes of shells.
@@ -206,8 +207,8 @@ class Load(Place):
     def _check_load(self) -> Self:
         given = [k for k in ("force", "pressure", "acceleration") if getattr(self, k) is not None]
         if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise wrong(f"needs one of force, pressure and acceleration, but has {found}")
+            named = " and ".join(given) or "none"
+            raise wrong(f"needs one of force, pressure and acceleration, but has {named}")
         if self.kind == "force":
             _require_one_way(self)
         if self.kind == "acceleration" and self.ways:
@@ -219,8 +220,8 @@ class Load(Place):
 
 def _require_one_way(place: Place) -> None:
     if len(place.ways) != 1:
-        found = " and ".join(place.ways) or "none"
-        raise wrong(f"needs one of set, plane, point and edge = true, but has {found}")
+        named = " and ".join(place.ways) or "none"
+        raise wrong(f"needs one of set, plane, point and edge = true, but has {named}")
 
 
 class Structure(SceneModel):
@@ -236,20 +237,19 @@ class Structure(SceneModel):
     )
     lay_up: Literal["interleaved", "plies", "stacked", "symmetric"] = Field(
         default="interleaved",
-        description="All families mixed over the thickness; the plies of a stack over each other, "
-        "each with its families mixed; the second family of a ply above the first (as the "
-        "normal of the cell points, or from the lowest to the highest ply of a stack), or the "
-        "first in two halves outside.",
+        description="interleaved: all families mixed over the thickness. plies: those of a stack "
+        "over each other, the families of each mixed. stacked: the second family of "
+        "a ply above the first, as the normal of the cell or the order of the plies "
+        "points. symmetric: the first family in two halves outside.",
     )
     elements: Literal["quadratic", "as_mesh"] = Field(
         default="quadratic",
-        description="Elements with nodes added in the middle of edges where the mesh has none, or "
-        "as the mesh has them.",
+        description="With nodes added in the middle of edges, or as the mesh has them.",
     )
     material_tolerance: Annotated[float, Number(0.01, Range(0.0, 0.2))] = Field(
         default=0.0,
-        description="Largest relative error of a stiffness by which cells may share a material; "
-        "0 gives every element its own.",
+        description="Largest relative error of the stiffness of cells that share a material; 0 "
+        "gives each its own.",
     )
     units: Literal["m-kg-s", "mm-t-s"] = Field(
         default="m-kg-s", description="Units of the deck; results are in SI."

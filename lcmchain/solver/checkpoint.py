@@ -25,7 +25,7 @@ import numpy as np
 
 from lcmchain.atomic import announce, replacing
 from lcmchain.errors import InputError, OutputError
-from lcmchain.fingerprint import Fingerprint
+from lcmchain.provenance import Fingerprint
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
@@ -110,7 +110,7 @@ class FrameFile:
 class Checkpoint:
     """State, saved frames and bookkeeping of an unfinished run.
 
-    ``fingerprint`` is that of the run (:func:`lcmchain.fingerprint.run_fingerprint`), ``wall_s``
+    ``fingerprint`` is that of the run (:func:`lcmchain.provenance.run_fingerprint`), ``wall_s``
     the computing time spent so far, ``step_history`` the steps made under each cause,
     ``frame_file`` where the first of the snapshots lie already. For runs that go on from a stage
     (:mod:`lcmchain.solver.stage_start`) it holds the scene's ``values``, when its stages end [s],

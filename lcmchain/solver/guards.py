@@ -10,7 +10,7 @@ from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.forces import TOO_DEEP
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.solver.remedies import (
     bending_tool,
     cause_of_runaway,

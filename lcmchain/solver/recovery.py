@@ -17,7 +17,7 @@ from lcmchain.elements.family import Body
 from lcmchain.elements.fibre_volume import SOLID_FIBRE
 from lcmchain.mesh.sheet_mesh import shear_angles
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.solver.guards import (
     DEEPEST_PENETRATION,
     LARGEST_HOURGLASS_PART,

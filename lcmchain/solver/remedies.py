@@ -14,7 +14,7 @@ import numpy as np
 
 from lcmchain.effects.pace import more_quasi_static
 from lcmchain.model import Model
-from lcmchain.quantities.rounded import milliseconds, two_digits, two_digits_up
+from lcmchain.quantities.readable import time_entry, two_digits, two_digits_up
 from lcmchain.state import (
     CONTACT,
     CONTACT_DAMPING,
@@ -93,10 +93,10 @@ def slower_loads(model: Model, moved: float) -> str:
     entries = ["pressure.ramp"] if pressed else []  # in this stage: it may come later or be gone
     for tool in np.flatnonzero(tools.motion_kind == GUIDED).tolist():
         entries.append(f"tools.{model.tool_names[tool]}.motion.ramp")
-    longer = f"process.time = {milliseconds(times * model.process_time)}"
+    longer = f"process.time = {time_entry(times * model.process_time)}"
     stage = model.present_stage
     if stage is not None:
-        time = milliseconds(times * (stage.end - stage.start))
+        time = time_entry(times * (stage.end - stage.start))
         longer = f"stages.{stage.name}.time = {time}"
     if not entries:
         return longer

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.fingerprint import Fingerprint, forming_values
 from lcmchain.model import Model
+from lcmchain.provenance import Fingerprint, forming_values
 from lcmchain.scene.stages import LISTS
 from lcmchain.solver.checkpoint import Checkpoint, FrameFile
 from lcmchain.state import SAMPLES, State

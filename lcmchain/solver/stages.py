@@ -27,7 +27,7 @@ from lcmchain.errors import SimulationError
 from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.forces import REFRESHES_LEFT, STEPS_LEFT
 from lcmchain.model import Model
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.solver.guards import when
 from lcmchain.stages import StageTables
 from lcmchain.state import (

@@ -16,8 +16,8 @@ from lcmchain.coupons.specimen import FRAMES, Recording, record
 from lcmchain.effects.mass_scaling import added_mass
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
-from lcmchain.fingerprint import run_fingerprint
 from lcmchain.model import build_model
+from lcmchain.provenance import run_fingerprint
 from lcmchain.quantities.units import QuantityError, parse_quantity
 from lcmchain.scene import Scene, on_rung, scene_from_text
 from lcmchain.scene.reading.overrides import parse_value

@@ -24,11 +24,11 @@ from lcmchain.quantities.entry_types import (
     PointInPlane,
     PositiveLength,
     Row,
+    SceneModel,
     Switch,
     wrong,
 )
-from lcmchain.quantities.rounded import two_digits
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.readable import two_digits
 from lcmchain.quantities.units import length_factor
 from lcmchain.thresholds import LARGEST_RIPPLE
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED

@@ -11,15 +11,16 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.at_work import AT_WORK, AtWork
 from lcmchain.quantities.entry_types import (
+    AT_WORK,
     AbsentMeans,
+    AtWork,
     Direction,
     FrictionCoefficient,
     Name,
     Position,
+    SceneModel,
 )
-from lcmchain.quantities.scene_model import SceneModel
 from lcmchain.tools.motion import FixedMotion, Motion
 from lcmchain.tools.shapes import Shape
 

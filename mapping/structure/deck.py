@@ -16,7 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.structure.mesh import DeckMesh, cells_at, deck_mesh, nodes_at, sides_at
 from lcmchain.mapping.structure.sections import THINNEST_LAYER, Sections
 from lcmchain.mapping.target import TargetMesh
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene.structure import COMPONENTS, Load, Structure
 
 #: Names of everything, so that a user's own names stay free.

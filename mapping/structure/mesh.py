@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.mapping.target import TargetMesh, base_type, corner_count
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene.structure import Place, Plane
 
 #: Element of CalculiX for a cell of meshio's name, and the number of its nodes.

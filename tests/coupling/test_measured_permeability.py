@@ -10,7 +10,7 @@ from lcmchain.coupling.measured_permeability import measured_law, read_permeabil
 from lcmchain.coupling.permeability import PermeabilityLaw, law_of, principal_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import FROM_FILE
-from lcmchain.scene.permeability import Permeability
+from lcmchain.scene.infiltration.laws import Permeability
 
 ENTRY = TypeAdapter(Permeability)
 VALUES = {"k1": "6e-11 m^2", "k2": "40 um^2", "k3": "3e-12 m^2"}

@@ -7,8 +7,8 @@ from pydantic import TypeAdapter, ValidationError
 from lcmchain.coupling.infiltration.resin import advance_cure, resin_of
 from lcmchain.coupling.infiltration.resin_temperature import temperature_of
 from lcmchain.quantities.entry_types import FROM_FILE
+from lcmchain.scene.infiltration.laws import Resin
 from lcmchain.scene.presets import CURES, VISCOSITIES
-from lcmchain.scene.resin import Resin
 
 TABLE = TypeAdapter(Resin)
 WARM = {"law": "constant", "value": "180 degC"}
@@ -124,6 +124,7 @@ def test_temperatures():
         ),
         ({**CASTRO, "exponent_slope": -5}, "must be positive there"),
         ({**CASTRO, "preset": "AroCy"}, 'did you mean "AroCy-L10"'),
+        ({**CASTRO, "preset": ["AroCy-L10"]}, "there is no preset"),
         ({**CONSTANT, "temperature": {**WARM, "value": "-300 degC"}}, "be positive"),
         (
             {**CONSTANT, "temperature": {

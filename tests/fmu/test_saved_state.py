@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain import fingerprint
+from lcmchain import provenance
 from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import SimulationError
 from lcmchain.fmu.conduct import Phase, Status
@@ -80,7 +80,7 @@ def test_the_fingerprint_is_that_of_the_sources_that_run(open_one, tmp_path, mon
     one = open_one()
     monkeypatch.setattr(compile_cache, "_package_folders", lambda: [tmp_path])
     # asked anew, as another process would
-    monkeypatch.setattr(fingerprint, "_sources", fingerprint._sources.__wrapped__)
+    monkeypatch.setattr(provenance, "_sources", provenance._sources.__wrapped__)
     other = open_one("other")
     assert other.definition.guid == one.definition.guid  # the interface is the same
     assert other.restore(one.save()) is Status.ERROR

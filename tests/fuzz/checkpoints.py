@@ -11,8 +11,8 @@ import numpy as np
 from contract import Case
 from mutations import mutated_bytes
 
-from lcmchain.fingerprint import Fingerprint
 from lcmchain.model import build_model
+from lcmchain.provenance import Fingerprint
 from lcmchain.scene import Scene
 from lcmchain.solver import checkpoint as checkpoints
 from lcmchain.solver.checkpoint import (

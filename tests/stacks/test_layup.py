@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lcmchain.scene.layup import MOST_PLIES, LayupError, angles_of
+from lcmchain.scene.plies import MOST_PLIES, LayupError, angles_of
 
 
 def degrees(code):

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lcmchain import fingerprint, pipeline
+from lcmchain import pipeline, provenance
 from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import InputError
-from lcmchain.fingerprint import Fingerprint, run_fingerprint
 from lcmchain.model import build_model
+from lcmchain.provenance import Fingerprint, run_fingerprint
 from lcmchain.scene import Scene, scene_from_text
 from lcmchain.solver.checkpoint import (
     FILE_NAME,
@@ -116,7 +116,7 @@ def test_sources_are_in_the_fingerprint(tmp_path, monkeypatch):
     (folder / "physics.py").write_text("stress = 1\n", encoding="utf-8")
     monkeypatch.setattr(compile_cache, "_package_folders", lambda: [folder])
     # asked anew, as another process would
-    monkeypatch.setattr(fingerprint, "_sources", fingerprint._sources.__wrapped__)
+    monkeypatch.setattr(provenance, "_sources", provenance._sources.__wrapped__)
     known = run_fingerprint(built())
     assert run_fingerprint(built()) == known
     (folder / "physics.py").write_text("stress = 2\n", encoding="utf-8")

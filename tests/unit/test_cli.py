@@ -10,7 +10,8 @@ import pytest
 from rich.table import Table
 
 from lcmchain import cli
-from lcmchain.commands.folders import default_out
+from lcmchain.commands import run as run_command
+from lcmchain.commands.options import default_out
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.scene import read_scene
 
@@ -112,7 +113,7 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
         return []
 
     stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
-    monkeypatch.setattr(cli, "print_result", print_result)
+    monkeypatch.setattr(run_command, "print_result", print_result)
     out = tmp_path / "deep" / "results"
     code = exit_code(
         "run", scene_file, "--out", out, "--threads", 2, "--resume", "--set", "process.frames=5",

@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 from lcmchain.errors import InputError
-from lcmchain.fingerprint import run_fingerprint
 from lcmchain.mesh.drawing import read_drawing
+from lcmchain.provenance import run_fingerprint
 from lcmchain.scene import read_scene
 
 SCENE = """

@@ -10,8 +10,7 @@ from rich.console import Console
 
 from lcmchain.check.expected_cost import Estimate, Speed
 from lcmchain.check.tables import cost_table
-from lcmchain.quantities.durations import duration_text
-from lcmchain.quantities.places import millimetres
+from lcmchain.quantities.readable import duration_text, millimetres
 from lcmchain.scene import Process
 
 

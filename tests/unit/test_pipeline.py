@@ -11,8 +11,8 @@ import xarray as xr
 from lcmchain import cli, pipeline
 from lcmchain.errors import InputError, MappingError
 from lcmchain.fields import read_forming
-from lcmchain.fingerprint import run_fingerprint
 from lcmchain.pipeline import run
+from lcmchain.provenance import run_fingerprint
 from lcmchain.scene import read_scene
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 from lcmchain.solver.simulation import Simulation

@@ -12,11 +12,11 @@ import xarray as xr
 from lcmchain.check import check_scene
 from lcmchain.judgements.quasi_static import (
     idle_energy,
-    milliseconds,
     process_time_needed,
     process_time_remarks,
     quasi_static_measures,
     quasi_static_warnings,
+    time_entry,
 )
 from lcmchain.materials.shear_waves import shear_wave_speeds
 from lcmchain.model import build_model
@@ -136,7 +136,7 @@ def test_stages_are_too_fast_if_those_are_in_which_tools_are_led():
     [(0.1, '"100 ms"'), (0.1001, '"110 ms"'), (0.0671, '"68 ms"'), (3.1, '"3100 ms"')],
 )
 def test_times_are_rounded_up_to_two_digits(time, text):
-    assert milliseconds(time) == text
+    assert time_entry(time) == text
 
 
 # --- measures and warnings ------------------------------------------------------------------------

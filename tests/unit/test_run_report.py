@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lcmchain.commands.run_report import all_warnings, print_result, summary_rows
+from lcmchain.commands.run import all_warnings, print_result, summary_rows
 from lcmchain.report.numbers import Number, ply_numbers
 
 SUMMARY = {

@@ -22,7 +22,7 @@ from lcmchain.judgements.verdicts import verdicts
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.model import build_model
-from lcmchain.quantities.rounded import percent
+from lcmchain.quantities.readable import percent
 from lcmchain.scene import scene_from_text
 
 SCENE = """

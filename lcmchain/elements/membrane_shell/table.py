@@ -6,8 +6,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field
 
-from lcmchain.quantities.entry_types import Switch
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel, Switch
 
 
 class MembraneShellElement(SceneModel):

@@ -6,8 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, Switch, wrong
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import AbsentMeans, Number, Range, SceneModel, Switch, wrong
 
 
 class Element(SceneModel):

@@ -21,9 +21,18 @@ from pydantic import BaseModel, ValidationError
 from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import FROM_FILE, AbsentMeans, OrFile
 from lcmchain.scene.presets import PRESETS
-from lcmchain.scene.reading.explain import MOST_PROBLEMS, Problem, key_text, problems_of
+from lcmchain.scene.reading.explain import (
+    MOST_PROBLEMS,
+    Location,
+    Problem,
+    dotted,
+    field_at,
+    key_text,
+    named_files,
+    problems_of,
+    value_at,
+)
 from lcmchain.scene.reading.overrides import apply_overrides
-from lcmchain.scene.reading.walk import Location, dotted, field_at, named_files
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.text_files import decode_text
 from lcmchain.tools.motion import GuidedMotion
@@ -151,11 +160,11 @@ def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
             message += f"\n  {match[1]} | {line}"
             if re.fullmatch(r"[\w.\-\"]+\s*=\s*[+-]?[\d.]+(e[+-]?\d+)?\s*[A-Za-zµ°].*", line):
                 message += '\n  values with units stand in quotes, for example "5 mm"'
-        raise InputError(message, file=_place(path)) from None
+        raise InputError(message, file=_document_name(path)) from None
     except RecursionError:
-        raise InputError("has brackets nested far too deeply", file=_place(path)) from None
+        raise InputError("has brackets nested far too deeply", file=_document_name(path)) from None
     except ValueError as error:  # a number of thousands of digits
-        raise InputError(f"is not valid TOML: {error}", file=_place(path)) from None
+        raise InputError(f"is not valid TOML: {error}", file=_document_name(path)) from None
 
 
 def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
@@ -165,7 +174,7 @@ def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
         raise input_error([problem], path)
 
 
-def _place(path: Path | None) -> str:
+def _document_name(path: Path | None) -> str:
     return "scene text" if path is None else str(path)
 
 
@@ -185,7 +194,7 @@ def input_error(problems: list[Problem], path: Path | None, *, unexplained: int 
     count = len(problems) + unexplained
     if len(lines) < count:
         lines.append(f"\n  and {count - len(lines):,} more")
-    return InputError(f"has {count:,} errors:{''.join(lines)}", file=_place(path))
+    return InputError(f"has {count:,} errors:{''.join(lines)}", file=_document_name(path))
 
 
 def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
@@ -287,7 +296,7 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
     """Return the first entry of a parsed document that is nested too deeply or far too long."""
     waiting: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
     while waiting:
-        place, value = waiting.pop()
+        location, value = waiting.pop()
         inner: list[tuple[str | int, Any]] = []
         complaint = None
         if isinstance(value, dict):
@@ -302,11 +311,11 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
             inner = list(enumerate(value))
         else:
             complaint = _complaint(value)
-        if inner and len(place) == MOST_LEVELS:
+        if inner and len(location) == MOST_LEVELS:
             complaint = f"is nested more than {MOST_LEVELS} levels deep; no entry of a scene is"
         if complaint:
-            return Problem(shortened(key_text(place, data)), complaint)
-        waiting += [((*place, step), entry) for step, entry in inner]
+            return Problem(shortened(key_text(location, data)), complaint)
+        waiting += [((*location, step), entry) for step, entry in inner]
     return None
 
 
@@ -338,14 +347,16 @@ def _used_values(
         data = data | {"element": {"type": data["element"]}}
     preset = _preset_values(scene)
     for key, raw_path, text in _leaves(scene, (), ()):
-        value = _lookup(data, raw_path)
-        from_preset = _lookup(preset, raw_path)
+        value = value_at(raw_path, data, _ABSENT)
+        from_preset = value_at(raw_path, preset, _ABSENT)
         if value is not _ABSENT:
             given.append((key, _value_text(value)))
         elif from_preset is not _ABSENT:
             # a table within a material's names no preset of its own
             within = ((*raw_path[:end], "preset") for end in range(len(raw_path) - 1, 0, -1))
-            owner = next(o for path in within if (o := _lookup(preset, path)) is not _ABSENT)
+            owner = next(
+                o for path in within if (o := value_at(path, preset, _ABSENT)) is not _ABSENT
+            )
             defaulted.append((key, f"{_value_text(from_preset)} (preset {owner})"))
         elif text:
             defaulted.append((key, _resolved_text(scene, key, text)))
@@ -436,15 +447,6 @@ def _found_text(scene: Scene, key: str) -> str:
 
 
 _ABSENT = object()
-
-
-def _lookup(data: Any, path: Sequence[str | int]) -> Any:
-    for step in path:
-        try:
-            data = data[step]
-        except (KeyError, IndexError, TypeError):
-            return _ABSENT
-    return data
 
 
 def _value_text(value: Any) -> str:

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from lcmchain.errors import InputError
-from lcmchain.quantities.entry_types import FROM_FILE
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import FROM_FILE, SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
 from lcmchain.scene.reading.overrides import apply_overrides

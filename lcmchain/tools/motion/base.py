@@ -10,8 +10,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
-from lcmchain.quantities.entry_types import wrong
-from lcmchain.quantities.scene_model import SceneModel
+from lcmchain.quantities.entry_types import SceneModel, wrong
 
 #: Values of ToolTable.motion_kind.
 FIXED = 0

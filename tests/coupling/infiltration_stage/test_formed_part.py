@@ -10,7 +10,7 @@ from lcmchain.coupling.infiltration.formed_part import (
 )
 from lcmchain.errors import InputError
 from lcmchain.mapping import map_file
-from lcmchain.scene.permeability import GebartPermeability
+from lcmchain.scene.infiltration.laws import GebartPermeability
 
 from .conftest import PERMEABILITY, strip, write_forming
 

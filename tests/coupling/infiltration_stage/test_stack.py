@@ -24,7 +24,7 @@ from lcmchain.mapping import map_file
 from lcmchain.mapping.sheet import PrincipalPermeability
 from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.scene import scene_from_text
-from lcmchain.scene.permeability import GebartPermeability, KozenyCarmanPermeability
+from lcmchain.scene.infiltration.laws import GebartPermeability, KozenyCarmanPermeability
 
 from .conftest import LENGTH, PRESSURE, VISCOSITY, WIDTH, strip, write_forming
 

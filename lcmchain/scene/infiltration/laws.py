@@ -1,36 +1,173 @@
-"""Scene tables of the resin of an infiltration: viscosity, cure, temperature.
+"""Scene tables of the laws of the flow: permeability of the textile, and the resin.
 
-They stand here and not in the package with the laws: that package is built on the core, which holds
-the scene and never imports what is built on it.
+A permeability follows from the fibre volume fraction, or is measured. A resin has a viscosity, and
+may have a cure and a temperature.
 """
 
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     POSITIVE,
     AbsentMeans,
     ActivationEnergy,
+    Angle,
     Density,
     Diffusivity,
+    FibreRadius,
+    FileName,
     Number,
+    PermeabilityValue,
     PositiveRate,
     Range,
     Row,
+    SceneModel,
     Temperature,
     TimeOrZero,
     Viscosity,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.quantities.units import split_row
+from lcmchain.scene.infiltration.boundaries import require_times
 from lcmchain.scene.presets import CURES, VISCOSITIES, filled, published_values
+
+# --- permeability ---------------------------------------------------------------------------------
+
+
+_OPEN = Range(0.0, 1.0, open_ends=(0.0, 1.0))
+_Fraction = Annotated[float, Number(0.5, _OPEN)]
+_End = Annotated[float, Number(0.5, Range(0.0, 1.0))]
+_Limits = Annotated[tuple[_End, _End], Row("[0.4, 0.6]", count=2, entries="numbers", units=False)]
+_Slope = Annotated[float, Number(3.0, Range(-1e3, 1e3))]
+_Slopes = Annotated[
+    tuple[_Slope, _Slope, _Slope], Row("[4, 4, 6]", count=3, entries="numbers", units=False)
+]
+
+
+class GebartPermeability(SceneModel):
+    """Permeability of ordered fibres after Gebart."""
+
+    law: Literal["gebart"]
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
+    packing: Literal["quadratic", "hexagonal"] = Field(
+        default="quadratic", description="Arrangement of the fibres."
+    )
+
+
+class KozenyCarmanPermeability(SceneModel):
+    """Kozeny-Carman permeability K = r²/(4 k) (1 - v)³/v² with one constant per direction."""
+
+    law: Literal["kozeny_carman"]
+    fibre_radius: FibreRadius = Field(description="Radius of a single fibre.")
+    k_along: Annotated[float, Number(0.6, POSITIVE)] = Field(
+        description="Kozeny constant along the fibres, usually 0.5 to 0.7."
+    )
+    k_across: Annotated[float, Number(15.0, POSITIVE)] = Field(
+        description="Kozeny constant across the fibres, usually 11 to 18."
+    )
+
+
+class _Measured(SceneModel):
+    """What the tables of measured permeabilities share."""
+
+    angle: Angle = Field(
+        default="0 deg",  # type: ignore[assignment]
+        description="From fibre direction 1 to the axis of k1, towards fibre direction 2, in the "
+        "unsheared textile.",
+    )
+
+
+class _MeasuredValues(_Measured):
+    """Three values, for the tables that give them."""
+
+    k1: PermeabilityValue = Field(description="Permeability along the first axis in the plane.")
+    k2: PermeabilityValue = Field(description="Permeability along the second axis in the plane.")
+    k3: PermeabilityValue = Field(description="Permeability through the thickness.")
+
+
+class _MeasuredOverFraction(_MeasuredValues):
+    """Values at one fibre volume fraction, and the range in which they were measured."""
+
+    fibre_volume_fraction: _Fraction = Field(
+        description="Fibre volume fraction at which the permeabilities are k1, k2 and k3."
+    )
+    fibre_volume_fraction_range: _Limits = Field(
+        description="Fibre volume fractions between which it was measured; beyond them there is "
+        "no permeability."
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
+        _require_rising(self.fibre_volume_fraction_range)
+        return self
+
+
+class ConstantPermeability(_MeasuredValues):
+    """Measured permeability that does not depend on the fibre volume fraction."""
+
+    law: Literal["constant"]
+    fibre_volume_fraction_range: Annotated[_Limits | None, AbsentMeans("any")] = Field(
+        default=None,
+        description="Fibre volume fractions between which it holds; beyond them there is no "
+        "permeability.",
+    )
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
+        if self.fibre_volume_fraction_range is not None:
+            _require_rising(self.fibre_volume_fraction_range)
+        return self
+
+
+class PowerPermeability(_MeasuredOverFraction):
+    """Measured permeability k (v / fibre_volume_fraction)^-exponent."""
+
+    law: Literal["power"]
+    exponents: _Slopes = Field(description="Exponent of k1, k2 and k3.")
+
+
+class ExponentialPermeability(_MeasuredOverFraction):
+    """Measured permeability k exp(-rate (v - fibre_volume_fraction))."""
+
+    law: Literal["exponential"]
+    rates: _Slopes = Field(description="Rate of k1, k2 and k3.")
+
+
+class TablePermeability(_Measured):
+    """Measured permeability from a CSV file, interpolated as a power between its rows."""
+
+    law: Literal["table"]
+    file: Annotated[str, FileName("permeability.csv")] = Field(
+        description="CSV with the header `fibre volume fraction [%],k1 [m^2],k2 [m^2],k3 [m^2]`; "
+        "relative to the scene file."
+    )
+
+
+Permeability = Annotated[
+    GebartPermeability
+    | KozenyCarmanPermeability
+    | ConstantPermeability
+    | PowerPermeability
+    | ExponentialPermeability
+    | TablePermeability,
+    Field(discriminator="law"),
+]
+
+
+def _require_rising(limits: tuple[float, float]) -> None:
+    if limits[1] <= limits[0]:
+        raise wrong(
+            f"is {limits[0]:g} to {limits[1]:g}, which does not rise",
+            field="fibre_volume_fraction_range",
+        )
+
+
+# --- the resin: viscosity, cure, temperature ------------------------------------------------------
+
 
 _Order = Annotated[float, Number(1.5, POSITIVE)]
 _Autocatalytic = Annotated[float, Number(1.0, NOT_NEGATIVE)]
@@ -97,6 +234,9 @@ Cure = Annotated[
 ]
 
 _Temperatures = Annotated[tuple[Temperature, ...], Row('"60 80 degC"', minimum_count=1)]
+_TemperatureOrSeveral = Annotated[
+    tuple[Temperature, ...], Row('"60 80 degC"', minimum_count=1, one=True)
+]
 _Times = Annotated[tuple[TimeOrZero, ...], Row('"0 60 s"', minimum_count=2)]
 
 
@@ -118,7 +258,7 @@ class PrescribedResinTemperature(SceneModel):
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
-        _require_table(self.times, self.values, "values")
+        require_times("values", self.values, self.times)
         return self
 
 
@@ -130,7 +270,9 @@ class MouldResinTemperature(SceneModel):
 
     law: Literal["mould"]
     inlet: Temperature = Field(description="Temperature of the resin that enters.")
-    mould: _Temperatures = Field(description="Temperature of the mould, or one for each of times.")
+    mould: _TemperatureOrSeveral = Field(
+        description="Temperature of the mould, or one for each of times."
+    )
     times: Annotated[_Times | None, AbsentMeans("")] = Field(
         default=None, description="Times of the mould's temperatures, linear between them."
     )
@@ -138,19 +280,11 @@ class MouldResinTemperature(SceneModel):
         description="Thermal diffusivity through the thickness of the wet preform."
     )
 
-    @field_validator("mould", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        """Take one value as a row of one."""
-        is_row = isinstance(value, str) and split_row(value) is not None
-        return (value,) if isinstance(value, str | int | float) and not is_row else value
-
     @model_validator(mode="after")
     def _check_table(self) -> Self:
         if self.times is None and len(self.mould) != 1:
             raise wrong(f"needs one value without times, but has {len(self.mould)}", field="mould")
-        if self.times is not None:
-            _require_table(self.times, self.mould, "mould")
+        require_times("mould", self.mould, self.times)
         return self
 
 
@@ -231,8 +365,8 @@ class ArrheniusResin(_Resin):
     )
     reference_temperature: Annotated[Temperature | None, AbsentMeans("infinite")] = Field(
         default=None,
-        description="Temperature at which the viscosity is the reference viscosity; without it "
-        "that is the factor of exp(E / (R T)).",
+        description="Temperature of the reference viscosity, which without it is the factor of "
+        "exp(E / (R T)).",
     )
     activation_energy: ActivationEnergy = Field(description="Activation energy E.")
 
@@ -281,10 +415,3 @@ class CastroMacoskoResin(ArrheniusResin):
 Resin = Annotated[
     ConstantViscosityResin | ArrheniusResin | CastroMacoskoResin, Field(discriminator="law")
 ]
-
-
-def _require_table(times: tuple[float, ...], values: tuple[float, ...], key: str) -> None:
-    if len(times) != len(values):
-        raise wrong(f"needs {len(times)} values, as times has, but has {len(values)}", field=key)
-    if any(later <= earlier for earlier, later in pairwise(times)):
-        raise wrong("must increase from one to the next", field="times")

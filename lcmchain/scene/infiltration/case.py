@@ -1,8 +1,4 @@
-"""Scene tables of infiltration: what fills, regions, gates, vents, resin, and when it ends.
-
-They stand here and not in the package that computes the flow: that package is built on the core,
-which holds the scene and never imports what is built on it.
-"""
+"""Scene tables of an infiltration: what fills, where it differs, and when it ends."""
 
 from __future__ import annotations
 
@@ -17,6 +13,7 @@ from lcmchain.quantities.entry_types import (
     AbsentMeans,
     Acceleration,
     Direction,
+    NamedEntry,
     Number,
     PermeabilityValue,
     PositiveLength,
@@ -24,13 +21,13 @@ from lcmchain.quantities.entry_types import (
     Pressure,
     Range,
     Row,
+    SceneModel,
     Switch,
+    with_own_names,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel, with_own_names
-from lcmchain.scene.boundaries import Arrival, Closure, Gate, Times, Vent, as_row, require_times
-from lcmchain.scene.permeability import Permeability
-from lcmchain.scene.resin import Resin
+from lcmchain.scene.infiltration.boundaries import Arrival, Closure, Gate, OverTime, Times, Vent
+from lcmchain.scene.infiltration.laws import Permeability, Resin
 
 # --- what fills: a preform not formed here, a flow medium -----------------------------------------
 
@@ -63,8 +60,8 @@ class Preform(SceneModel):
     permeability: OwnPermeability = Field(description="Permeability, with its axes.")
     sets_hold: Literal["nodes or cells", "cells"] = Field(
         default="nodes or cells",
-        description="What the sets of a Nastran deck list, which does not say it: a place that "
-        "takes nodes then takes those of the cells.",
+        description="What the sets of a Nastran deck list, which does not say so itself; a place "
+        "of nodes takes those of the cells.",
     )
 
 
@@ -123,8 +120,8 @@ class WithForming(SceneModel):
 
     window: Annotated[PositiveTime | None, AbsentMeans("a four-hundredth of process.time")] = Field(
         default=None,
-        description="First time window, on the clock of forming, in which resin and textile are "
-        "brought to agree; windows that need many iterations become shorter, others longer.",
+        description="First time window, on the clock of forming, over which resin and textile "
+        "are iterated; windows of many iterations become shorter, others longer.",
     )
     tolerance: Annotated[float, Number(1e-3, POSITIVE)] = Field(
         default=1e-3,
@@ -135,7 +132,7 @@ class WithForming(SceneModel):
     open_faces: Literal["closed", "air"] = Field(
         default="closed",
         description="What a face that no tool touches lets through: nothing, as under a film, so "
-        "that suction may hold the sheet together; or air, which then comes in before the "
+        "that suction may hold the sheet together; or air, which comes in before the "
         "pressure falls below vent_pressure.",
     )
 
@@ -161,8 +158,8 @@ class Region(NamedPlace):
         Annotated[float, Number(0.5, Range(0.0, 1.0, (0.0, 1.0)))] | None, AbsentMeans("as mapped")
     ] = Field(
         default=None,
-        description="Share of the fibres in the volume; with a permeability law of the whole "
-        "infiltration the permeability follows it.",
+        description="Share of the fibres in the volume; a permeability law of the infiltration "
+        "follows it.",
     )
     own_permeability: Annotated[OwnPermeability | None, AbsentMeans("as mapped, or by law")] = (
         Field(
@@ -204,31 +201,21 @@ class WettedPlace(NamedPlace):
     """Where the preform is full of resin from the start."""
 
 
-class ResinFilm(SceneModel):
+class ResinFilm(OverTime):
     """Resin that lies on the preform at the start and is pressed into it, as in wet moulding."""
+
+    over_time = "pressure"
 
     thickness: PositiveLength = Field(description="Thickness of the film.")
     over: Arrival = Field(default=None, description="Where it lies; without it on the whole part.")
-    pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', minimum_count=1)] = Field(
+    pressure: Annotated[tuple[Pressure, ...], Row('"0.5 MPa"', one=True, minimum_count=1)] = Field(
         description="Pressure on the film, or one for each of times."
     )
-    times: Times = Field(
-        default=None, description="Times of the pressures, which are linear between them."
-    )
+    times: Times = Field(default=None, description="Times of the pressures, linear between them.")
     capillary_pressure: Pressure = Field(
         default="0 MPa",  # type: ignore[assignment]
         description="Pressure that draws the resin into dry textile.",
     )
-
-    @field_validator("pressure", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
-    @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("pressure", self.pressure, self.times)
-        return self
 
     @property
     def in_words(self) -> str:
@@ -252,8 +239,8 @@ class Infiltration(SceneModel):
     ] = ()
     vent_pressure: Pressure = Field(
         default="0 MPa",  # type: ignore[assignment]
-        description="Pressure of the vents and of the air in the dry preform, the least there is; "
-        "all pressures are gauge, or all absolute.",
+        description="Pressure of the vents and of the air in the dry preform, the lowest of all; "
+        "pressures are all gauge, or all absolute.",
     )
     preform: Annotated[Preform | None, AbsentMeans("of the forming result")] = Field(
         default=None,
@@ -262,7 +249,7 @@ class Infiltration(SceneModel):
     permeability: Annotated[Permeability | None, AbsentMeans("of the forming result")] = Field(
         default=None,
         description="Law for the mapped fibre volume fraction and directions, in place of the "
-        "permeabilities of the forming result.",
+        "mapped permeabilities.",
     )
     regions: Annotated[
         tuple[Region, ...],
@@ -281,18 +268,18 @@ class Infiltration(SceneModel):
     )
     flow_medium: Annotated[FlowMedium | None, AbsentMeans("none")] = Field(
         default=None,
-        description="A layer of high permeability on one face, a control volume of its own beside "
-        "the preform: resin runs ahead in it and sinks into the preform.",
+        description="A layer of high permeability on one face: resin runs ahead in it and sinks "
+        "into the preform.",
     )
     closure: Annotated[Closure | None, AbsentMeans("a mould that does not move")] = Field(
         default=None,
-        description="What presses on the part while resin flows: the thickness of every cell then "
-        "follows from it, the pore pressure and the textile's compaction law.",
+        description="What presses on the part while resin flows: the thickness follows from it, "
+        "the pore pressure and the textile's compaction law.",
     )
     with_forming: Annotated[WithForming | None, AbsentMeans("after forming")] = Field(
         default=None,
-        description="Flow while the blank is formed: pore pressure and thickness act on each "
-        "other, and time is what the process takes for the resin. On the formed sheet alone.",
+        description="Flow while the blank is formed, on the sheet itself: pore pressure and "
+        "thickness act on each other, and time is that of the process for the resin.",
     )
     gravity: Annotated[
         Annotated[
@@ -304,8 +291,8 @@ class Infiltration(SceneModel):
     ] = Field(default=None, description="Acceleration of gravity on the resin.")
     trapped_air: Switch = Field(
         default=False,
-        description="Air that the front has enclosed is compressed; without it such air vanishes "
-        "at the pressure of the vents. Needs absolute pressures.",
+        description="Air that the front encloses is compressed; without it such air vanishes at "
+        "the pressure of the vents. Needs absolute pressures.",
     )
     frames: Annotated[int, Number(21, Range(2, 10_000), whole=True)] = Field(
         default=21, description="Saved states, at equal shares of the filled pore volume."
@@ -338,21 +325,50 @@ class Infiltration(SceneModel):
 
     @field_validator("gates", "vents", "regions", "race_tracks", "wetted")
     @classmethod
-    def _check_names(cls, items: tuple[Any, ...]) -> tuple[Any, ...]:
+    def _check_names(cls, items: tuple[NamedEntry, ...]) -> tuple[NamedEntry, ...]:
         return with_own_names(items)
 
     @model_validator(mode="after")
     def _check_scene(self) -> Self:
-        names = {gate.name for gate in self.gates}
-        both = next((vent.name for vent in self.vents if vent.name in names), None)
-        if both is not None:
-            raise wrong(f'has the name "{both}" of a gate; give it another', field="vents")
+        gates = {gate.name for gate in self.gates}
+        shared = next((vent.name for vent in self.vents if vent.name in gates), None)
+        if shared is not None:
+            raise wrong(f'has the name "{shared}" of a gate; give it another', field="vents")
         if self.with_forming is not None:
             self._check_with_forming()
         if self.preform is not None:
             self._check_preform()
         if self.flow_medium is not None:
             self._check_flow_medium()
+        self._check_openings()
+        if getattr(self.closure, "pressed", None) == "wet" and not self.wetted:
+            raise wrong(
+                'is "wet", but no resin is in the preform at the start; name where it is with '
+                "[[wetted]], or leave the entry out",
+                field="closure.pressed",
+            )
+        if self.trapped_air and self.least_pressure <= 0.0:
+            raise wrong(
+                f"compresses the air from the pressure of the vents, which is "
+                f"{self.least_pressure:g} Pa; give absolute pressures, such as "
+                'vent_pressure = "1 bar"',
+                field="trapped_air",
+            )
+        if self.film is not None:
+            self._check_film(self.film)
+        count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
+        if count > 10_000:
+            raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
+        return self
+
+    @property
+    def least_pressure(self) -> float:
+        """Lowest pressure of the vents, and of the air in the dry preform [Pa]."""
+        own = [vent.pressure for vent in self.vents if vent.pressure is not None]
+        return min([self.vent_pressure, *own])
+
+    def _check_openings(self) -> None:
+        """Refuse an infiltration through which no resin would flow."""
         if not self.gates and not self.wetted and self.film is None:
             raise wrong("is missing: no resin enters; give [[gates]]", field="gates")
         if not self.vents:
@@ -361,9 +377,7 @@ class Infiltration(SceneModel):
                 "for example one with rim = true",
                 field="vents",
             )
-        least = min(
-            [self.vent_pressure, *(v.pressure for v in self.vents if v.pressure is not None)]
-        )
+        least = self.least_pressure
         for index, gate in enumerate(self.gates):
             at_most = gate.pressure_limit if gate.pressure is None else max(gate.pressure)
             if at_most is not None and at_most <= least:
@@ -373,30 +387,15 @@ class Infiltration(SceneModel):
                     f"({least:g} Pa): no resin would flow",
                     field=f'gates[{index}] "{gate.name}".{name}',
                 )
-        if getattr(self.closure, "pressed", None) == "wet" and not self.wetted:
+
+    def _check_film(self, film: ResinFilm) -> None:
+        drive, least = max(film.pressure) + film.capillary_pressure, self.least_pressure
+        if drive <= least:
             raise wrong(
-                'is "wet", but no resin is in the preform at the start; name where it is with '
-                "[[wetted]], or leave the entry out",
-                field="closure.pressed",
+                f"is {drive:g} Pa at most, with the capillary pressure, not above that of the "
+                f"vents ({least:g} Pa): no resin would sink in",
+                field="film.pressure",
             )
-        if self.trapped_air and least <= 0.0:
-            raise wrong(
-                f"compresses the air from the pressure of the vents, which is {least:g} Pa; give "
-                'absolute pressures, such as vent_pressure = "1 bar"',
-                field="trapped_air",
-            )
-        if self.film is not None:
-            drive = max(self.film.pressure) + self.film.capillary_pressure
-            if drive <= least:
-                raise wrong(
-                    f"is {drive:g} Pa at most, with the capillary pressure, not above that of the "
-                    f"vents ({least:g} Pa): no resin would sink in",
-                    field="film.pressure",
-                )
-        count = 0.0 if self.frame_interval is None else self.time / self.frame_interval
-        if count > 10_000:
-            raise wrong("gives more than 10,000 saved states over time", field="frame_interval")
-        return self
 
     def _check_preform(self) -> None:
         """Refuse what a preform that was not formed here knows nothing of."""
@@ -428,11 +427,9 @@ class Infiltration(SceneModel):
                 "give a permeability_factor",
                 field="regions",
             )
-        for name in ("closure", "race_tracks", "frame_interval"):
+        for name in ("closure", "race_tracks", "frame_interval", "trapped_air"):
             if getattr(self, name):
                 raise wrong("cannot be combined with with_forming; leave it out", field=name)
-        if self.trapped_air:
-            raise wrong("cannot be combined with with_forming; leave it out", field="trapped_air")
         if any(region.thickness is not None for region in self.regions):
             raise wrong(
                 "has a thickness, but with_forming takes that of the blank; leave it out",

@@ -1,20 +1,17 @@
-"""Scene tables of what acts on the resin: what presses on the part, gates and vents.
-
-They stand here and not in the package that computes it, which is built on the core.
-"""
+"""Scene tables of what acts on the resin: what presses on the part, gates and vents."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from lcmchain.mesh.places import NamedPlace, Where
-from lcmchain.quantities.at_work import AtWork
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
+    AtWork,
     Direction,
     FlowRate,
     Force,
@@ -23,12 +20,11 @@ from lcmchain.quantities.entry_types import (
     PositiveTime,
     Pressure,
     Row,
+    SceneModel,
     Switch,
     TimeOrZero,
     wrong,
 )
-from lcmchain.quantities.scene_model import SceneModel
-from lcmchain.quantities.units import split_row
 
 # --- entries that are one value, or one for each of times -----------------------------------------
 
@@ -39,38 +35,45 @@ Times = Annotated[
 ]
 
 
-def as_row(value: Any) -> Any:
-    """Take one value as a row of one."""
-    is_row = isinstance(value, str) and split_row(value) is not None
-    return (value,) if isinstance(value, str | int | float) and not is_row else value
-
-
-def require_times(kind: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
-    """Refuse values over time that are not as many as their times, or times that fall.
+def require_times(entry: str, values: tuple[float, ...], times: tuple[float, ...] | None) -> None:
+    """Refuse values that are not as many as their times, and times that do not increase.
 
     Raises
     ------
-    PydanticCustomError : names the entry ``kind``, or the times.
+    PydanticCustomError : names the entry of the values, or the times.
     """
     count = 1 if times is None else len(times)
     if len(values) != count:
         wanted = "one value" if times is None else f"{count} values, as times has"
-        raise wrong(f"needs {wanted}, but has {len(values)}", field=kind)
+        raise wrong(f"needs {wanted}, but has {len(values)}", field=entry)
     if times is not None and any(b <= a for a, b in pairwise(times)):
         raise wrong("must increase from one to the next", field="times")
+
+
+class OverTime(SceneModel):
+    """Base of tables with an entry that has one value, or one for each of ``times``."""
+
+    #: Name of the entry.
+    over_time: ClassVar[str]
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        values, times = (getattr(self, entry) for entry in (self.over_time, "times"))
+        require_times(self.over_time, values, times)
+        return self
 
 
 # --- what presses on the part: a bag, tools at a gap, a press -------------------------------------
 
 
-class _Closure(SceneModel):
+class _Closure(OverTime):
     """What presses, and how it is coupled with the resin."""
 
     window: Annotated[PositiveTime | None, AbsentMeans("a two-hundredth of the filling's time")] = (
         Field(
             default=None,
-            description="First time window in which resin and textile are brought to agree; "
-            "windows that need many iterations become shorter, others longer.",
+            description="First time window over which resin and textile are iterated; windows of "
+            "many iterations become shorter, others longer.",
         )
     )
     tolerance: Annotated[float, Number(1e-4, POSITIVE)] = Field(
@@ -87,8 +90,8 @@ class _Pressed(_Closure):
         Literal["dry", "wet"] | None, AbsentMeans("wet where the case has [[wetted]], else dry")
     ] = Field(
         default=None,
-        description="The preform at the start: dry, pressed together before the resin comes, so "
-        "that wetted places are full at the pressed thickness; or wet, as thick as it was formed "
+        description="The preform at the start: dry, pressed before the resin comes, so that "
+        "wetted places are full at the pressed thickness; or wet, as thick as formed "
         "where resin is, which first has to leave.",
     )
 
@@ -96,23 +99,13 @@ class _Pressed(_Closure):
 class Bag(_Pressed):
     """A bag or diaphragm: each cell bears its pressure."""
 
+    over_time = "pressure"
+
     type: Literal["bag"]
-    pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', minimum_count=1)] = Field(
+    pressure: Annotated[tuple[Pressure, ...], Row('"1 bar"', one=True, minimum_count=1)] = Field(
         description="Pressure on the bag, or one for each of times, in the system of the vents'."
     )
-    times: Times = Field(
-        default=None, description="Times of the pressures, which are linear between them."
-    )
-
-    @field_validator("pressure", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
-    @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("pressure", self.pressure, self.times)
-        return self
+    times: Times = Field(default=None, description="Times of the pressures, linear between them.")
 
     @property
     def in_words(self) -> str:
@@ -123,9 +116,11 @@ class Bag(_Pressed):
 class Gap(_Closure):
     """Rigid tools that close to a gap; a cell keeps its formed thickness until they arrive."""
 
+    over_time = "thickness"
+
     type: Literal["gap"]
-    thickness: Annotated[tuple[PositiveLength, ...], Row('"0.8 mm"', minimum_count=1)] = Field(
-        description="Gap of the closed tools, or one for each of times."
+    thickness: Annotated[tuple[PositiveLength, ...], Row('"0.8 mm"', one=True, minimum_count=1)] = (
+        Field(description="Gap of the closed tools, or one for each of times.")
     )
     closing_time: Annotated[PositiveTime | None, AbsentMeans("")] = Field(
         default=None,
@@ -133,20 +128,14 @@ class Gap(_Closure):
     )
     times: Times = Field(
         default=None,
-        description="Times of the gaps, which are linear between them, in place of closing_time.",
+        description="Times of the gaps, linear between them, in place of closing_time.",
     )
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
         default=None, description="Direction of closing, for the force of the press."
     )
 
-    @field_validator("thickness", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
     @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("thickness", self.thickness, self.times)
+    def _check_closing(self) -> Self:
         if (self.closing_time is None) == (self.times is None):
             given = "both" if self.times is not None else "neither"
             raise wrong(
@@ -168,25 +157,19 @@ class Gap(_Closure):
 class Press(_Pressed):
     """A rigid tool under a force."""
 
+    over_time = "force"
+
     type: Literal["press"]
-    force: Annotated[tuple[Force, ...], Row('"10 kN"', minimum_count=1)] = Field(
+    force: Annotated[tuple[Force, ...], Row('"10 kN"', one=True, minimum_count=1)] = Field(
         description="Force of the press, or one for each of times."
     )
-    times: Times = Field(
-        default=None, description="Times of the forces, which are linear between them."
-    )
+    times: Times = Field(default=None, description="Times of the forces, linear between them.")
     direction: Annotated[Direction | None, AbsentMeans("normal to each cell")] = Field(
         default=None, description="Direction of closing."
     )
 
-    @field_validator("force", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
-
     @model_validator(mode="after")
-    def _check_values(self) -> Self:
-        require_times("force", self.force, self.times)
+    def _check_force(self) -> Self:
         if min(self.force) < 0.0 or max(self.force) == 0.0:
             raise wrong("presses, so it must not be negative, nor zero for ever", field="force")
         return self
@@ -216,8 +199,8 @@ class _Opening(NamedPlace):
     )
     stages: AtWork = Field(
         default=None,
-        description="Where resin flows in [[stages]] (with_forming): those in which it is open; "
-        "its times then count from when the first one begins. Left out, all of them.",
+        description="With with_forming: stages in which it is open; its times count from the "
+        "start of the first one. Left out, all stages.",
     )
     opens_on_arrival: Arrival = Field(
         default=None, description="It stays closed until the front arrives at this place."
@@ -252,25 +235,22 @@ class Gate(_Opening):
     """Where resin enters, at a pressure or a flow rate."""
 
     pressure: Annotated[
-        Annotated[tuple[Pressure, ...], Row('"0.3 MPa"', minimum_count=1)] | None, AbsentMeans("")
+        Annotated[tuple[Pressure, ...], Row('"0.3 MPa"', one=True, minimum_count=1)] | None,
+        AbsentMeans(""),
     ] = Field(default=None, description="Pressure of the resin, or one for each of times.")
     flow_rate: Annotated[
-        Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', minimum_count=1)] | None, AbsentMeans("")
+        Annotated[tuple[FlowRate, ...], Row('"5 ml/s"', one=True, minimum_count=1)] | None,
+        AbsentMeans(""),
     ] = Field(default=None, description="Flow rate of the whole gate, or one for each of times.")
     times: Times = Field(
         default=None,
-        description="Times of the pressures or flow rates, which are linear between them and "
-        "constant before and after.",
+        description="Times of pressures or flow rates: linear between them, constant before and "
+        "after.",
     )
     pressure_limit: Annotated[Pressure | None, AbsentMeans("none")] = Field(
         default=None,
         description="Highest pressure of a flow rate, as of the pump: it holds from there on.",
     )
-
-    @field_validator("pressure", "flow_rate", mode="before")
-    @classmethod
-    def _take_one(cls, value: Any) -> Any:
-        return as_row(value)
 
     @property
     def in_words(self) -> str:
@@ -286,12 +266,12 @@ class Gate(_Opening):
             raise wrong(
                 f"needs one of pressure and flow_rate, but has {' and '.join(given) or 'none'}"
             )
-        kind = given[0]
-        values = getattr(self, kind)
-        require_times(kind, values, self.times)
-        if kind == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
+        entry = given[0]
+        values = getattr(self, entry)
+        require_times(entry, values, self.times)
+        if entry == "flow_rate" and (min(values) < 0.0 or max(values) <= 0.0):
             raise wrong("must not be negative, and above zero at some time", field="flow_rate")
-        if kind == "pressure" and self.pressure_limit is not None:
+        if entry == "pressure" and self.pressure_limit is not None:
             raise wrong("belongs to a flow_rate, which is not given", field="pressure_limit")
         return self
 
