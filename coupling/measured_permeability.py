@@ -18,7 +18,7 @@ from lcmchain.coupling.principal_permeability import PrincipalPermeabilities, un
 from lcmchain.errors import InputError
 from lcmchain.identification.data import Column, read_coupon
 from lcmchain.quantities.units import PERMEABILITY, Dimension
-from lcmchain.scene import permeability as tables
+from lcmchain.scene.infiltration import laws as tables
 
 _FRACTION = Dimension("fibre volume fraction", "1", "55 %", ("%", "1"), 1e-3, 1.0)
 _COLUMNS = (
