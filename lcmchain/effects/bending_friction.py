@@ -1,7 +1,7 @@
 """Friction in bending: fibres that are bent rub on each other, and are bent back another way.
 
 Adds: to the moment along either fibre direction that of Dahl's friction.
-Source: ``lcmchain/materials/bending_losses.py``.
+Source: ``lcmchain/materials/features/bending_losses.py``.
 Stability limit: it stiffens the bending by twice its own stiffness at rest, where the way turns.
 Scene: ``material.bending.friction_1``, ``material.bending.friction_2``.
 Fields: ``bending_friction_moment_1``, ``bending_friction_moment_2``, ``bending_friction_loss``,

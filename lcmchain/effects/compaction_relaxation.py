@@ -1,7 +1,7 @@
 """Relaxing compaction: the pressure on a held gap falls, a gap under a held pressure closes on.
 
 Adds: to the compaction stress those of Maxwell elements, each a share of the compaction law.
-Source: ``lcmchain/materials/relaxation.py``.
+Source: ``lcmchain/materials/features/relaxation.py``.
 Stability limit: that of the compaction, whose tangent is larger by all shares together.
 Scene: ``material.viscous.compaction``.
 Fields: ``compaction_strain_before``, ``compaction_stress_before``, ``relaxing_work``,
@@ -20,7 +20,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
-from lcmchain.materials.relaxation import relaxation_of
+from lcmchain.materials.features.relaxation import relaxation_of
 
 SWITCH = Switch(
     entry="material.viscous.compaction",

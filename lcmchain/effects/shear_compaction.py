@@ -2,7 +2,7 @@
 
 Adds: the shear to the strain of which the compaction stress is a function, and to the shear stress
 what the pressure holds against the shear.
-Source: ``lcmchain/materials/shear_compaction.py``.
+Source: ``lcmchain/materials/features/shear_compaction.py``.
 Stability limit: the thickness wave of the sheared, compacted sheet; the step follows its tangent.
 Scene: ``material.compaction.shear_coupling`` or ``material.compaction.table``.
 Fields: ``thickness``, ``compaction_pressure``, ``fibre_volume_fraction``.

@@ -1,7 +1,7 @@
 """Friction in shear: yarns rub where they turn on each other, and fabric comes back another way.
 
 Adds: to the shear stress that of Dahl's friction.
-Source: ``lcmchain/materials/shear_friction.py``.
+Source: ``lcmchain/materials/features/shear_friction.py``.
 Stability limit: it stiffens the shear by twice its own stiffness at rest, where the way turns.
 Scene: ``material.membrane.friction``.
 Fields: ``shear_friction_moment``, ``shear_friction_loss``, ``shear_strain_rubbed``;
@@ -20,7 +20,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
-from lcmchain.materials.shear_friction import shear_friction_of
+from lcmchain.materials.features.shear_friction import shear_friction_of
 
 SWITCH = Switch(
     entry="material.membrane.friction",

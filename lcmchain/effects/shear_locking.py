@@ -1,7 +1,7 @@
 """Locking of a fabric in shear, beyond the angle from which on its yarns touch.
 
 Adds: a shear stress that grows with the cube of what the shear exceeds the locking angle by.
-Source: ``lcmchain/materials/shear_locking.py``.
+Source: ``lcmchain/materials/features/shear.py``.
 Stability limit: the shear wave, where the locked tangent comes near that of the fibres.
 Scene: ``material.membrane.locking_angle``, ``locking_stiffness``.
 Fields: none; it shows as ``shear_angle``.

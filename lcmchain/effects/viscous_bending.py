@@ -1,7 +1,7 @@
 """Bending that depends on its rate: a dashpot, and Maxwell elements beside the fabric's own law.
 
 Adds: to the moment along either fibre direction those of a dashpot and of Maxwell elements.
-Source: ``lcmchain/materials/bending_losses.py``.
+Source: ``lcmchain/materials/features/bending_losses.py``.
 Stability limit: the dashpot acts with the rate of the last half step, and shortens the step by its
 damping rate; Maxwell elements count as springs of their moduli.
 Scene: ``material.bending.viscous_1``, ``material.bending.viscous_2``.

@@ -1,7 +1,7 @@
 """Shear that depends on its rate: fabric that is wet with resin or a melt resists it, and relaxes.
 
 Adds: to the shear stress that of a dashpot, and of Maxwell elements beside the fabric's own law.
-Source: ``lcmchain/materials/viscous_shear.py``.
+Source: ``lcmchain/materials/features/viscous_shear.py``.
 Stability limit: the dashpot acts with the rate of the last half step, and shortens the step by its
 damping rate; Maxwell elements count as springs of their moduli.
 Scene: ``material.viscous``.
@@ -21,7 +21,7 @@ from lcmchain.effects.effect import (
     refused,
     stated_by_materials,
 )
-from lcmchain.materials.viscous_shear import viscous_of
+from lcmchain.materials.features.viscous_shear import viscous_of
 
 SWITCH = Switch(
     entry="material.viscous",

@@ -2,9 +2,10 @@
 
 Tests that only close tell the compaction law, Eq. (23), beside the power law, Eq. (24). Tests that
 hold their gap in the end tell what relaxes too. All rows of all tests are then fitted together: the
-law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
-along the thickness as it was measured over time. So the closing may be slow beside what relaxes. Of
-one, two or three elements the fewest are taken that leave as little as one more would.
+law of compaction at rest and Maxwell elements beside it
+(:mod:`lcmchain.materials.features.relaxation`), along the thickness as it was measured over time.
+So the closing may be slow beside what relaxes. Of one, two or three elements the fewest are taken
+that leave as little as one more would.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.materials.compaction import compaction_of
+from lcmchain.materials.features.compaction import compaction_of
 from lcmchain.quantities.units import FRACTION, LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)

@@ -13,7 +13,7 @@ tangent are sums too,
 
     S = Σ w'(I) ∂I/∂E,   C = Σ w''(I) ∂I/∂E ⊗ ∂I/∂E,
 
-with the sum over families, pairs, the compaction E33 of :mod:`lcmchain.materials.compaction` and
+with the sum over families, pairs, the compaction E33 of :mod:`.features.compaction` and
 both transverse shears. A family has one modulus in tension and one in compression, w' = C I, or
 points of a measured curve, linear between them. A pair has the shear polynomial and the locking of
 :mod:`lcmchain.materials.fabric`, taken at g_ab. The bending C^B is a sum of the same kind. Two
@@ -51,15 +51,19 @@ from pydantic import Field, model_validator
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.compaction import (
+from lcmchain.materials.fabric import Fabric
+from lcmchain.materials.features.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
     compaction_tangent_slope,
     linear_class,
     linear_where_constant,
 )
-from lcmchain.materials.fabric import (
-    Fabric,
+from lcmchain.materials.features.shear import (
+    locking_response,
+    locking_tangent_curvature,
+    locking_tangent_slope,
+    rounded_shear_of,
     shear_stress_and_tangent,
     stabilising_shear_curvature,
     stabilising_shear_slope,
@@ -72,12 +76,6 @@ from lcmchain.materials.law import (
     membrane_response,
     tangent_curvature,
     tangent_slope,
-)
-from lcmchain.materials.rounded_shear import rounded_shear_of
-from lcmchain.materials.shear_locking import (
-    locking_response,
-    locking_tangent_curvature,
-    locking_tangent_slope,
 )
 from lcmchain.materials.stiffness import AlongFibres, in_axes, read_by
 from lcmchain.materials.table import ExponentialCompaction, FabricTable
@@ -141,7 +139,7 @@ class PairShear(NamedTuple):
     """Shear law of a pair: the polynomial of Eq. (21), and locking on both sides.
 
     closed, opened : sizes of g_ab from which on it locks when the angle has become smaller, and
-    larger; their growths are those of :class:`lcmchain.materials.shear_locking.ShearLocking`.
+    larger; their growths are those of :class:`.shear.ShearLocking`.
     """
 
     s0: Any

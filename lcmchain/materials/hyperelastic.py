@@ -28,7 +28,7 @@ Mechanics", 6.4 and 6.5.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -148,12 +148,22 @@ def sheet_stabilising(shear):
 # --- plain ----------------------------------------------------------------------------------------
 
 
+class RubberLaw(Protocol):
+    """Parameters that all laws of rubber have: shear modulus at rest and bulk modulus [Pa]."""
+
+    @property
+    def shear(self) -> float: ...
+
+    @property
+    def bulk(self) -> float: ...
+
+
 class Hyperelastic:
     """A sheet of rubber with the constants of its law; energies by the principal stretches.
 
     Parameters
     ----------
-    law : NamedTuple with ``shear`` and ``bulk`` [Pa].
+    law : NamedTuple of the parameters.
     thickness : [m]. density : [kg/m³].
 
     A law's own class gives ``_energy_of(c)``, the share of one principal value c = λ² in the
@@ -171,7 +181,7 @@ class Hyperelastic:
     fibre_bending = (0.0, 0.0)
     fibre_angles: tuple[float, ...] = ()
 
-    def __init__(self, law: Any, *, thickness: float, density: float, name: str = "") -> None:
+    def __init__(self, law: RubberLaw, *, thickness: float, density: float, name: str = "") -> None:
         self.law = law
         self.thickness = thickness
         self.density = density

@@ -27,7 +27,7 @@ NumPy where the rest of the program asks the same questions, so that each checks
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -41,7 +41,9 @@ from lcmchain.materials.stiffness import product
 
 __all__ = [
     "Material",
+    "Remembered",
     "Step",
+    "TangentCoupling",
     "bending_bound",
     "bending_excess",
     "bending_losses_of",
@@ -52,37 +54,37 @@ __all__ = [
     "bending_viscosity",
     "bends_at_reference_thickness",
     "bends_by_curves",
-    "fibre_angles",
-    "is_film",
-    "locking_angles",
-    "tells_fibres",
-    "takes_fibre_share",
-    "sum_text",
-    "unrolled",
     "couples_shear",
     "evolved_bending",
     "evolved_history",
+    "fibre_angles",
     "history_count",
     "hourglass_tangent",
-    "Remembered",
-    "TangentCoupling",
-    "remembered",
     "implements",
+    "is_film",
     "knows_step",
     "load_history",
     "load_past",
+    "locking_angles",
     "membrane_response",
+    "own_memory",
+    "place_in_memory",
     "plane_bending_stiffness",
     "plane_response",
+    "remembered",
     "serves_planes",
     "stabilising_tangent",
     "store_history",
     "stored_bending",
     "stress_in_step",
+    "sum_text",
+    "takes_fibre_share",
     "tangent_coupling",
     "tangent_coupling_of",
     "tangent_curvature",
     "tangent_slope",
+    "tells_fibres",
+    "unrolled",
     "viscosity",
     "viscosity_of",
     "with_bending_losses",
@@ -121,17 +123,33 @@ class TangentCoupling(NamedTuple):
     curvature: Any
 
 
-def remembered(law: Any) -> tuple[Remembered, ...]:
+def remembered(law: object) -> tuple[Remembered, ...]:
     """Return what the law remembers, nothing for one without memory."""
     return getattr(law, "remembers", ())
 
 
-def history_count(law: Any) -> int:
+def history_count(law: object) -> int:
     """Return how many numbers per element the law remembers."""
     return len(remembered(law))
 
 
-def knows_step(law: Any) -> bool:
+def place_in_memory(law: object, entry: Remembered) -> int:
+    """Return where an entry stands in what a law, or a class of laws, remembers."""
+    return remembered(law).index(entry)
+
+
+def own_memory(law: object, entries: Sequence[Remembered], history: np.ndarray) -> np.ndarray:
+    """Return those of the numbers that a law remembers which stand for some entries in a row.
+
+    Parameters
+    ----------
+    history : (history_count, ...), all that it remembers.
+    """
+    first = place_in_memory(law, entries[0])
+    return history[first : first + len(entries)]
+
+
+def knows_step(law: object) -> bool:
     """Tell whether the law finds the step behind what it remembers."""
     return bool(getattr(law, "knows_step", False))
 
@@ -252,7 +270,7 @@ def plane_bending_stiffness(law):
     """Return the moduli (C11^B, C22^B, C12^B) of the curvatures, for the 2D approach."""
 
 
-def serves_planes(law: Any) -> bool:
+def serves_planes(law: object) -> bool:
     """Tell whether a law answers for sheets without thickness."""
     return is_implemented(plane_response, type(law))
 
@@ -279,7 +297,7 @@ def _storer(count: int) -> Callable[..., None]:
     return names["store"]
 
 
-def written(text: str, **names: Any) -> Callable[..., Any]:
+def written(text: str, **names: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function from its text, for what is written out for a count of numbers.
 
     names : what the text calls.
@@ -295,7 +313,9 @@ def sum_text(terms: list[str]) -> str:
 _WITHOUT_STEP, _WITH_STEP = "law, data, i, stride", "law, data, i, stride, step"
 
 
-def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], Any]:
+def unrolled(
+    text_of: Callable[..., str], **names: Callable[..., Any]
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a function whose text is written out for what a class of laws has a count of.
 
     Parameters
@@ -304,7 +324,7 @@ def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], An
         name and arguments, the law first.
     """
 
-    def register(stub: Any) -> Any:
+    def register(stub: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(stub)
         def function(law, *others):
             return written(text_of(type(law)), **names)(law, *others)
@@ -318,7 +338,7 @@ def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], An
     return register
 
 
-def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
+def load_history(law: object, data: np.ndarray, i: int, stride: int) -> tuple:
     """Return the history at ``data[i + k * stride]`` as a tuple, for a law asked in no step."""
     return _loader(history_count(law), knows_step(law), _WITHOUT_STEP)(law, data, i, stride)
 
@@ -329,7 +349,7 @@ def _choose_loader(law, data, i, stride):
     return _loader(history_count(law_class), knows_step(law_class), _WITHOUT_STEP)
 
 
-def load_past(law: Any, data: np.ndarray, i: int, stride: int, step: Step) -> tuple:
+def load_past(law: object, data: np.ndarray, i: int, stride: int, step: Step) -> tuple:
     """Return what :func:`load_history` does, for a law asked at the end of a step."""
     return _loader(history_count(law), knows_step(law), _WITH_STEP)(law, data, i, stride, step)
 
@@ -340,7 +360,7 @@ def _choose_loader_of_step(law, data, i, stride, step):
     return _loader(history_count(law_class), knows_step(law_class), _WITH_STEP)
 
 
-def store_history(law: Any, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
+def store_history(law: object, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
     """Write what :func:`load_history` reads."""
     _storer(history_count(law))(law, values, data, i, stride)
 
@@ -454,7 +474,7 @@ def bends_by_curves(material: Material) -> bool:
 def bending_losses_of(material: Material) -> Any:
     """Return what the bending of a material loses; None without.
 
-    See :class:`lcmchain.materials.bending_losses.BendingLosses`.
+    See :class:`.features.bending_losses.BendingLosses`.
     """
     return getattr(material, "bending_losses", None)
 
@@ -556,7 +576,7 @@ def bending_stress_in_step(
     S, losses = np.zeros(6), bending_losses_of(material)
     if losses is None or history is None:
         return S
-    own = losses.own_memory(material.law, history)
+    own = own_memory(material.law, losses.memory, history)
     after = losses.in_step(E[:2] / height, own, 0.0 if step is None else step.size)
     S[:2] = height * losses.per_stiffness * losses.moments(after)
     return S

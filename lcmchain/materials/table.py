@@ -177,7 +177,7 @@ class FabricTable(MaterialTable):
         """Return the fabric whose fibres have no stiffness against bending within the plane."""
         return self._with("bending", in_plane=0.0)
 
-    def _with(self, table: str, /, **entries: Any) -> Self:
+    def _with(self, table: str, /, **entries: object) -> Self:
         return self.model_copy(update={table: getattr(self, table).model_copy(update=entries)})
 
     @property

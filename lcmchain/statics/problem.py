@@ -10,8 +10,8 @@ import numpy as np
 
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
+from lcmchain.materials.features.shear_friction import shear_friction_of
 from lcmchain.materials.law import bending_losses_of
-from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
 from lcmchain.statics.forces import STATIC_SOLVER
 

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.materials.elementary import exponential, logarithm
 from lcmchain.materials.fabric import (
     Fabric,
     FabricLaw,
@@ -18,6 +17,7 @@ from lcmchain.materials.fabric import (
     shear_tangent_curvature,
     shear_tangent_slope,
 )
+from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,

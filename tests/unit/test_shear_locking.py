@@ -18,8 +18,8 @@ from lcmchain.materials.fabric import (
     shear_tangent_slope,
 )
 from lcmchain.materials.fabric_with_set import LockingFabricWithSetLaw
+from lcmchain.materials.features.shear import locking_response
 from lcmchain.materials.law import membrane_response, plane_response, remembered
-from lcmchain.materials.shear_locking import locking_response
 from lcmchain.scene import scene_from_text
 from lcmchain.verification.hard_cases.sheets import simulation
 

@@ -22,15 +22,21 @@ scene states none, its kernels hold none of this.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_excess, bending_stress
 from lcmchain.materials.twins import twin_of
+from lcmchain.quantities.entry_types import PositiveCurvature, PositiveForce, Row, wrong
+from lcmchain.quantities.scene_model import SceneModel
+
+# --- Bending of the fibres by a measured curve: moment over curvature by points -----------------
+
 
 #: Points of a curve at most, the first at zero left out.
 KINKS = 16
@@ -188,7 +194,7 @@ def excess_by_curves(law, E, inverse_height):
 _bent_classes: dict[type, type] = {}
 
 
-def bent_class(law_class: Any) -> Any:
+def bent_class(law_class: type) -> Any:
     """Return the twin of a class of laws that bends by curves, see :func:`.twins.twin_of`."""
     twin = twin_of(
         law_class,
@@ -201,7 +207,21 @@ def bent_class(law_class: Any) -> Any:
     return twin
 
 
-def with_curves(law: Any, curves: Sequence[BendingCurve | None], thickness: float) -> Any:
+class BendingLaw(Protocol):
+    """A law, a NamedTuple, with bending moduli along both directions of fibres [Pa]."""
+
+    @property
+    def B11(self) -> float: ...
+
+    @property
+    def B22(self) -> float: ...
+
+    def __iter__(self) -> Iterator[Any]: ...
+
+    def _asdict(self) -> dict[str, Any]: ...
+
+
+def with_curves(law: BendingLaw, curves: Sequence[BendingCurve | None], thickness: float) -> Any:
     """Return a law that bends by the curves of its two directions, or the law itself without any.
 
     B11 and B22 become the slopes of the curves at the start.
@@ -212,5 +232,31 @@ def with_curves(law: Any, curves: Sequence[BendingCurve | None], thickness: floa
         linear_curve(stiffness) if curve is None else curve.numbers(thickness)
         for curve, stiffness in zip(curves, (law.B11, law.B22), strict=True)
     ]
-    law = law._replace(B11=float(values[0][0]), B22=float(values[1][0]))
-    return _bent_classes[type(law)](*law, np.concatenate(values))
+    first, second = values
+    parameters = law._asdict() | {"B11": float(first[0]), "B22": float(second[0])}
+    return _bent_classes[type(law)](**parameters, curves=np.concatenate(values))
+
+
+# --- scene ----------------------------------------------------------------------------------------
+
+
+class BendingCurveTable(SceneModel):
+    """Moment per width over curvature, by points from zero; it softens, and goes on straight."""
+
+    curvature: Annotated[
+        tuple[PositiveCurvature, ...], Row('"2 5 20 1/m"', minimum_count=1, entries="curvatures")
+    ] = Field(description=f"Curvatures of the points, increasing, {KINKS} at most.")
+    moment: Annotated[
+        tuple[PositiveForce, ...], Row('"0.24 0.32 0.38 N"', minimum_count=1, entries="moments")
+    ] = Field(description="Moments per width at these curvatures [N m/m].")
+
+    @property
+    def curve(self) -> BendingCurve:
+        """The points."""
+        return BendingCurve(self.curvature, self.moment)
+
+    @model_validator(mode="after")
+    def _check_points(self) -> Self:
+        if fault := self.curve.fault():
+            raise wrong(fault, field="moment")
+        return self

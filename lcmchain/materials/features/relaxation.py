@@ -27,20 +27,35 @@ A law with it is a class of its own, with as many elements as stated, made when 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.compaction import compaction_of, compaction_stress_and_tangent
-from lcmchain.materials.law import Remembered, history_count, remembered, sum_text, unrolled
-from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
-from lcmchain.materials.shear_compaction import strain_of, thickening
-from lcmchain.materials.temperature_field import elapsed
+from lcmchain.materials.features.compaction import (
+    CompactionLaw,
+    compaction_of,
+    compaction_stress_and_tangent,
+)
+from lcmchain.materials.features.rheology import Relaxation, maxwell_moment, moment_after
+from lcmchain.materials.features.shear_compaction import strain_of, thickening
+from lcmchain.materials.features.temperature_field import elapsed
+from lcmchain.materials.law import (
+    Material,
+    Remembered,
+    history_count,
+    remembered,
+    sum_text,
+    unrolled,
+)
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+# --- Compaction that relaxes: the pressure on a held gap falls, a gap under a held pressure c ---
+
 
 #: What every relaxing law remembers before the stresses of its elements.
 OWN_MEMORY = (
@@ -101,7 +116,12 @@ class CompactionRelaxation:
         work = work + 0.5 * (sum(before) + sum(after)) * (strain - strain_before)
         return np.array(np.broadcast_arrays(strain, stress, work, *after))
 
-    def stored(self, memory: np.ndarray, law: Any, energy: Any) -> np.ndarray:
+    def stored(
+        self,
+        memory: np.ndarray,
+        law: CompactionLaw,
+        energy: Callable[[np.ndarray], np.ndarray],
+    ) -> np.ndarray:
         """Return what the elements store [J/m³] as their memory (3 + n, ...) says.
 
         energy : returns W of the law at strains.
@@ -115,12 +135,12 @@ class CompactionRelaxation:
         return total
 
 
-def relaxation_of(material: Any) -> CompactionRelaxation | None:
+def relaxation_of(material: Material) -> CompactionRelaxation | None:
     """Return what relaxes of a material's compaction, None for one where nothing does."""
     return getattr(material, "relaxation", None)
 
 
-def strain_at(stress: np.ndarray, law: Any) -> np.ndarray:
+def strain_at(stress: np.ndarray, law: CompactionLaw) -> np.ndarray:
     """Return the strain at which a compaction law has a stress [Pa], by halving."""
     low = np.full(np.shape(stress), DEEPEST_STRAIN)
     high = np.maximum(stress, 0.0) / law.c0
@@ -154,20 +174,26 @@ def evolved_relaxation(law, E, history):
     return ()
 
 
-def _numbers(law_class: Any) -> str:
+class RelaxingLaw(Protocol):
+    """A class of laws with so many elements."""
+
+    relaxing_count: int
+
+
+def _numbers(law_class: type[RelaxingLaw]) -> str:
     """Return the text of what a law remembers of its relaxation, and the size of the step."""
     own = range(len(OWN_MEMORY) + law_class.relaxing_count)
     return "".join(f"history[{k}], " for k in (*own, history_count(law_class)))
 
 
 @unrolled(lambda own: f"lambda law, history: ({_numbers(own)})")
-def own_numbers(law: Any, history: tuple) -> tuple:
+def own_numbers(law, history):
     """Return strain, stress and work of the step before, the stresses, and the size of the step."""
     own = len(OWN_MEMORY) + type(law).relaxing_count
     return (*history[:own], history[history_count(law)])
 
 
-def _elements(law_class: Any, term: str) -> list[str]:
+def _elements(law_class: type[RelaxingLaw], term: str) -> list[str]:
     numbers = range(law_class.relaxing_count)
     return [term.format(k=k + 1, place=len(OWN_MEMORY) + k) for k in numbers]
 
@@ -179,7 +205,7 @@ _AFTER = "maxwell_moment(own[{place}], law.share_{k}, law.compaction_time_{k}, c
     lambda own: f"lambda law, own, change, size: ({''.join(_elements(own, _AFTER))})",
     maxwell_moment=maxwell_moment,
 )
-def stresses_after(law: Any, own: tuple, change: float, size: float) -> tuple:
+def stresses_after(law, own, change, size):
     """Return the stresses of the elements after a step that changes that of the law."""
     numbers = range(1, type(law).relaxing_count + 1)
     return tuple(
@@ -195,23 +221,23 @@ def stresses_after(law: Any, own: tuple, change: float, size: float) -> tuple:
 
 
 @unrolled(lambda own: f"lambda law, own: {sum_text(_elements(own, 'own[{place}]'))}")
-def sum_before(law: Any, own: tuple) -> float:
+def sum_before(law, own):
     """Return the stress of all elements before the step."""
     return sum(own[len(OWN_MEMORY) : -1])
 
 
 @unrolled(lambda own: f"lambda law: {sum_text(_elements(own, 'law.share_{k}'))}")
-def share_at_once(law: Any) -> float:
+def share_at_once(law):
     """Return the share of the law that all elements have together."""
     return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))
 
 
 @unrolled(
     lambda own: (
-        "lambda law, stresses: " + sum_text([f"stresses[{k}]" for k in range(own.relaxing_count)])  # type: ignore[attr-defined]
+        "lambda law, stresses: " + sum_text([f"stresses[{k}]" for k in range(own.relaxing_count)])
     )
 )
-def sum_after(law: Any, stresses: tuple) -> float:
+def sum_after(law, stresses):
     """Return the stress of all elements after the step."""
     return sum(stresses)
 
@@ -239,7 +265,7 @@ def relaxing_memory(law, E, history):
 
 
 @made_on_demand(r"Relaxing(?P<count>\d+)Compaction(?P<base>\w+)")
-def _twin(name: re.Match[str], base: Any) -> Any:
+def _twin(name: re.Match[str], base: type) -> Any:
     """Return the twin of a class of laws whose compaction relaxes."""
     count = int(name["count"])
     numbers = range(1, count + 1)
@@ -259,12 +285,7 @@ def _twin(name: re.Match[str], base: Any) -> Any:
     return twin
 
 
-def __getattr__(name: str) -> Any:
-    """Return a twin by its name, as compiled kernels on disk look it up."""
-    return twin_named(name)
-
-
-def with_relaxing(law: Any, relaxation: CompactionRelaxation | None) -> Any:
+def with_relaxing(law: tuple[float, ...], relaxation: CompactionRelaxation | None) -> Any:
     """Return a law whose compaction relaxes, or the law itself where nothing is stated."""
     if relaxation is None:
         return law

@@ -11,12 +11,11 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
-from lcmchain.materials.dahl import Friction
-from lcmchain.materials.maxwell import Relaxation
-from lcmchain.materials.relaxation import CompactionRelaxation
-from lcmchain.materials.temperature_field import TemperatureField
-from lcmchain.materials.viscous_shear import ViscousShear, arrhenius_factor
+from lcmchain.materials.features.bending_losses import BendingLosses, DirectionLosses
+from lcmchain.materials.features.relaxation import CompactionRelaxation
+from lcmchain.materials.features.rheology import Friction, Relaxation
+from lcmchain.materials.features.temperature_field import TemperatureField
+from lcmchain.materials.features.viscous_shear import ViscousShear, arrhenius_factor
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
@@ -34,6 +33,8 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.scene_model import SceneModel
+
+# --- Scene tables of what a fabric loses: what depends on a rate, and friction of its bending ---
 
 
 class MaxwellTable(SceneModel):

@@ -32,35 +32,41 @@ Polymers", chapter 11: of melts far above their glass transition after Arrhenius
 
 A law of a fabric with such a shear is a class of its own, with as many Maxwell elements as stated
 (:func:`viscous_class`): where a scene states none, its kernels hold none of this. The classes are
-made when they are asked for, also by a kernel on disk: see ``__getattr__``.
+made when they are asked for (:mod:`lcmchain.materials.twins`).
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.features.elementary import exponential, logarithm
+from lcmchain.materials.features.rheology import Relaxation, Values, maxwell_moment, moment_after
+from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE
+from lcmchain.materials.features.temperature_field import elapsed, time_factor
 from lcmchain.materials.law import (
+    Material,
     Remembered,
     Step,
     history_count,
+    place_in_memory,
     remembered,
     sum_text,
     unrolled,
     viscosity,
 )
-from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
-from lcmchain.materials.shear_compaction import LARGEST_SQUARE
-from lcmchain.materials.temperature_field import elapsed, time_factor
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+# --- Shear of a fabric that depends on its rate: a dashpot, and Maxwell elements beside the l ---
+
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 # Below this rate times the time constant M a Cross viscosity is that at rest, to double precision.
@@ -73,7 +79,7 @@ OWN_MEMORY = (
 )
 
 
-def viscous_of(material: Any) -> ViscousShear | None:
+def viscous_of(material: Material) -> ViscousShear | None:
     """Return what resists the rate of a material's shear, None for one that does not know it."""
     return getattr(material, "viscous", None)
 
@@ -174,14 +180,10 @@ class ViscousShear:
         lost = lost + 0.5 * (stress + now) * (g - before) - more
         return np.array(np.broadcast_arrays(g, now, lost, *after))
 
-    def stored(self, moments: Any) -> Any:
+    def stored(self, moments: Sequence[Values] | np.ndarray) -> Values:
         """Return Σ T_k²/(2 G_k) [J/m³] of moments T_k, one after the other."""
         pairs = zip(self.terms, moments, strict=True)
         return sum((moment**2 / (2.0 * term.modulus) for term, moment in pairs), start=0.0)
-
-    def own_memory(self, law: Any, history: np.ndarray) -> np.ndarray:
-        """Return what a law with it remembers of it (3 + n, ...), of all that it remembers."""
-        return history[law.viscous_place : law.viscous_place + len(self.memory)]
 
     def steady_stress(self, angle: ArrayLike, rate: ArrayLike) -> np.ndarray:
         """Return what comes to S12 [Pa] at angles [rad] that grew from 0 at a rate [1/s]."""
@@ -245,19 +247,25 @@ def dashpot_moment(law, turn, size):
     return viscosity_at(law, abs(rate)) * rate
 
 
-def _places(law_class: Any) -> tuple[int, ...]:
+class ViscousLaw(Protocol):
+    """A class of laws with so many Maxwell elements of the shear."""
+
+    maxwell_count: int
+
+
+def _places(law_class: type[ViscousLaw]) -> tuple[int, ...]:
     """Return where in a history stand what the law remembers of its rate, and the step."""
-    first, last = law_class.viscous_place, history_count(law_class)
+    first, last = place_in_memory(law_class, OWN_MEMORY[0]), history_count(law_class)
     return (*range(first, first + len(OWN_MEMORY) + law_class.maxwell_count), last, last + 1)
 
 
 @unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
-def own_numbers(law: Any, history: tuple) -> tuple:
+def own_numbers(law, history):
     """Return g, stress and loss of the step before, the moments, and size and time of the step."""
     return tuple(history[k] for k in _places(type(law)))
 
 
-def _elements(law_class: Any, term: str) -> list[str]:
+def _elements(law_class: type[ViscousLaw], term: str) -> list[str]:
     return [term.format(k=k + 1, place=3 + k) for k in range(law_class.maxwell_count)]
 
 
@@ -268,7 +276,7 @@ _AFTER = "maxwell_moment(own[{place}], law.modulus_{k}, law.relaxation_time_{k},
     lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})",
     maxwell_moment=maxwell_moment,
 )
-def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
+def moments_after(law, own, turn, size):
     """Return the moments of the Maxwell elements after a step that turns the fibres by Δγ."""
     numbers = range(1, law.maxwell_count + 1)
     return tuple(
@@ -283,18 +291,18 @@ def moments_after(law: Any, own: tuple, turn: float, size: float) -> tuple:
     )
 
 
-def _moments(law_class: Any) -> list[str]:
+def _moments(law_class: type[ViscousLaw]) -> list[str]:
     return [f"moments[{k}]" for k in range(law_class.maxwell_count)]
 
 
 @unrolled(lambda own: "lambda law, moments: " + sum_text(_moments(own)))
-def sum_of_moments(law: Any, moments: tuple) -> float:
+def sum_of_moments(law, moments):
     """Return the moment of all Maxwell elements."""
     return sum(moments)
 
 
 @unrolled(lambda own: "lambda law: " + sum_text(_elements(own, "law.modulus_{k}")))
-def glassy_modulus(law: Any) -> float:
+def glassy_modulus(law):
     """Return the modulus of all Maxwell elements together."""
     return sum(getattr(law, f"modulus_{k + 1}") for k in range(law.maxwell_count))
 
@@ -306,12 +314,12 @@ def glassy_modulus(law: Any) -> float:
             [
                 f"(moments[{k}] * moments[{k}] - own[{3 + k}] * own[{3 + k}])"
                 f" / (2.0 * law.modulus_{k + 1})"
-                for k in range(own.maxwell_count)  # type: ignore[attr-defined]
+                for k in range(own.maxwell_count)
             ]
         )
     )
 )
-def stored_more(law: Any, own: tuple, moments: tuple) -> float:
+def stored_more(law, own, moments):
     """Return by how much more energy the Maxwell elements store after the step."""
     return sum(
         (moment**2 - own[3 + k] ** 2) / (2.0 * getattr(law, f"modulus_{k + 1}"))
@@ -326,7 +334,7 @@ def stored_more(law: Any, own: tuple, moments: tuple) -> float:
         + ")"
     )
 )
-def packed_memory(law: Any, g: float, stress: float, lost: float, moments: tuple) -> tuple:
+def packed_memory(law, g, stress, lost, moments):
     """Return what the law remembers of its rate, in its order."""
     return (g, stress, lost, *moments)
 
@@ -374,7 +382,7 @@ _KINDS = {
 
 
 @made_on_demand(rf"(?P<kind>{'|'.join(_KINDS)})(?P<count>\d+)(?P<base>\w+)")
-def _twin(name: re.Match[str], base: Any) -> Any:
+def _twin(name: re.Match[str], base: type) -> Any:
     """Return the twin of a class of laws whose shear depends on its rate."""
     kind, count = name["kind"], int(name["count"])
     numbers = range(1, count + 1)
@@ -397,25 +405,19 @@ def _twin(name: re.Match[str], base: Any) -> Any:
         entries=[(field, float) for field in fields],
         answers=answers,
     )
-    twin.viscous_place = history_count(base)
     twin.remembers = remembered(base) + memory_of(count)
     twin.knows_step = True
     twin.maxwell_count = count
     return twin
 
 
-def viscous_class(law_class: Any, viscous: ViscousShear) -> Any:
+def viscous_class(law_class: type, viscous: ViscousShear) -> Any:
     """Return the twin of a class of laws whose shear depends on its rate, see :func:`.twin_of`."""
     kind = "Cross" if viscous.thins else "Newton"
     return twin_named(f"{kind}{len(viscous.terms)}{law_class.__name__}")
 
 
-def __getattr__(name: str) -> Any:
-    """Return a twin by its name, as compiled kernels on disk look it up."""
-    return twin_named(name)
-
-
-def with_viscous(law: Any, viscous: ViscousShear | None) -> Any:
+def with_viscous(law: tuple[float, ...], viscous: ViscousShear | None) -> Any:
     """Return a law whose shear depends on its rate, or the law itself where nothing is stated."""
     if viscous is None:
         return law

@@ -8,17 +8,36 @@ neither.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, Protocol
 
 import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.elementary import exponential, logarithm
+from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.twins import twin_of
+
+# --- Compaction of a fabric, C33 = c0 exp(c1 |E33|^c2): stiffening under pressure, or not -------
+
 
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
+
+
+class CompactionLaw(Protocol):
+    """A law, a NamedTuple, with the parameters of Eq. (23): c0 [Pa], c1 and c2 [1]."""
+
+    @property
+    def c0(self) -> float: ...
+
+    @property
+    def c1(self) -> float: ...
+
+    @property
+    def c2(self) -> float: ...
+
+    def __iter__(self) -> Iterator[Any]: ...
 
 
 @optional
@@ -76,7 +95,7 @@ def no_tangent_change(law, E33):
 _linear_classes: dict[type, type] = {}
 
 
-def linear_class(law_class: Any) -> Any:
+def linear_class(law_class: type) -> Any:
     """Return the twin of a class of laws whose C33 never changes, see :func:`.twins.twin_of`."""
     twin = twin_of(
         law_class,
@@ -92,6 +111,6 @@ def linear_class(law_class: Any) -> Any:
     return twin
 
 
-def linear_where_constant(law: Any) -> Any:
+def linear_where_constant(law: CompactionLaw) -> Any:
     """Return the law itself, or its twin of :func:`linear_class` where c1 is 0."""
     return law if law.c1 != 0.0 else _linear_classes[type(law)](*law)

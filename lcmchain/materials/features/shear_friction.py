@@ -4,11 +4,11 @@ Fabric that was sheared does not come back the way it went. Loops of picture fra
 Kawabata's shear test are open from the first degree on, in every cycle, and to both sides; they
 are wider where the yarns are pressed on each other more, at larger angles. To the stress of the
 fabric's own law comes, with the moment T per volume between the fibres as in
-:mod:`lcmchain.materials.viscous_shear`,
+:mod:`.viscous_shear`,
 
     S12 += T / cos γ,   dT = G dγ - G T/T_y |dγ|,   T_y = T_0 + c |T_el(γ)|,   G = T_0/γ_f,
 
-Dahl's friction (:mod:`lcmchain.materials.dahl`), whose limit grows with the moment
+Dahl's friction (:mod:`.rheology`), whose limit grows with the moment
 T_el = S12 cos γ of the elastic part, free of pressure. Where the fabric is sheared on it bears
 T_el + T_y, on the way back T_el - T_y: the elastic part is the mean of both branches of a loop. The
 set of a law that counts its strain from the largest angle (as ``fabric-with-set`` does in
@@ -16,7 +16,7 @@ compaction) closes after the first cycle and never takes a force to bring the fa
 do; that is why it is not taken here.
 
 The limit is that at the end of a step; with it the step is exact, and none makes T larger than the
-largest limit. Energies as in :mod:`lcmchain.materials.dahl`, lost ones ``inelastic``.
+largest limit. Energies as in :mod:`.rheology`, lost ones ``inelastic``.
 
 Source: hysteresis "determined wholly by the frictional restraints arising in the rotation of the
 yarns", in proportion to the rigidity from fabric to fabric (2HG and 2HG5 over G): Lo and Hu,
@@ -30,17 +30,24 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.dahl import Friction, dahl_loss, dahl_moment
-from lcmchain.materials.law import Remembered, history_count, remembered, unrolled
-from lcmchain.materials.shear_compaction import LARGEST_SQUARE
+from lcmchain.materials.features.rheology import Friction, Values, dahl_loss, dahl_moment
+from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE
+from lcmchain.materials.features.viscous_shear import secant_of
+from lcmchain.materials.law import Material, Remembered, place_in_memory, remembered, unrolled
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
-from lcmchain.materials.viscous_shear import secant_of
+from lcmchain.quantities.entry_types import NOT_NEGATIVE, AcuteAngle, Number, PositiveStiffness
+from lcmchain.quantities.scene_model import SceneModel
+
+# --- Friction in the shear of a fabric: yarns that turn on each other at their crossings --------
+
 
 MEMORY = (
     Remembered("shear_strain_rubbed", "1", "shear strain 2 E12 a step before, for its friction"),
@@ -69,16 +76,16 @@ class ShearFriction:
         """Stiffness G against the angle at rest; twice that where the way turns round."""
         return self.stress / self.angle
 
-    def at(self, elastic: Any) -> Friction:
+    def at(self, elastic: Values) -> Friction:
         """Return the friction where the elastic moment is of a size [Pa]."""
-        limit = self.stress + self.growth * np.abs(elastic)
+        limit: Any = self.stress + self.growth * np.abs(elastic)  # an array for an array
         return Friction(limit, limit / self.modulus)
 
     def in_words(self) -> str:
         grows = f", growing with {self.growth:.3g} of the shear stress" if self.growth else ""
         return f"up to {1e-3 * self.stress:.4g} kPa within {np.degrees(self.angle):.3g}°{grows}"
 
-    def in_step(self, g: Any, memory: Any, elastic_stress: Any) -> np.ndarray:
+    def in_step(self, g: Values, memory: ArrayLike, elastic_stress: Values) -> np.ndarray:
         """Return the memory (3, ...) at the end of a step to shear strains g.
 
         elastic_stress : S12 of the elastic part there [Pa], free of pressure.
@@ -90,21 +97,17 @@ class ShearFriction:
         after = friction.after(moment, turn)
         return np.array(np.broadcast_arrays(g, after, lost + friction.lost(moment, after, turn)))
 
-    def stress_of(self, before: Any, g: Any, moment: Any) -> Any:
+    def stress_of(self, before: Values, g: Values, moment: Values) -> Values:
         """Return what a moment after a step from one shear strain to another adds to S12."""
         middle = 0.5 * (np.asarray(g) + before)
         return moment / np.sqrt(1.0 - np.minimum(middle**2, LARGEST_SQUARE))
-
-    def own_memory(self, law: Any, history: np.ndarray) -> np.ndarray:
-        """Return what a law with it remembers of it (3, ...), of all that it remembers."""
-        return history[law.shear_friction_place : law.shear_friction_place + len(MEMORY)]
 
     @property
     def memory(self) -> tuple[Remembered, ...]:
         return MEMORY
 
 
-def shear_friction_of(material: Any) -> ShearFriction | None:
+def shear_friction_of(material: Material) -> ShearFriction | None:
     """Return the friction of a material's shear, None without."""
     return getattr(material, "shear_friction", None)
 
@@ -127,8 +130,8 @@ def evolved_shear_friction(law, g, elastic, history):
     return ()
 
 
-def _own_text(own: Any) -> str:
-    first = own.shear_friction_place
+def _own_text(own: type) -> str:
+    first = place_in_memory(own, MEMORY[0])
     return f"lambda law, history: (history[{first}], history[{first + 1}], history[{first + 2}])"
 
 
@@ -164,7 +167,7 @@ def shear_friction_memory(law, g, elastic, history):
 
 
 @made_on_demand(r"FrictionShear(?P<base>\w+)")
-def _twin(name: re.Match[str], base: Any) -> Any:
+def _twin(name: re.Match[str], base: type) -> Any:
     """Return the twin of a class of laws with friction in shear."""
     twin = twin_of(
         base,
@@ -176,19 +179,36 @@ def _twin(name: re.Match[str], base: Any) -> Any:
             evolved_shear_friction: shear_friction_memory,
         },
     )
-    twin.shear_friction_place = history_count(base)
     twin.remembers = remembered(base) + MEMORY
     return twin
 
 
-def __getattr__(name: str) -> Any:
-    """Return a twin by its name, as compiled kernels on disk look it up."""
-    return twin_named(name)
-
-
-def with_rubbing_shear(law: Any, friction: ShearFriction | None) -> Any:
+def with_rubbing_shear(law: tuple[float, ...], friction: ShearFriction | None) -> Any:
     """Return a law with friction in shear, or the law itself where none is stated."""
     if friction is None:
         return law
     twin = twin_named(f"FrictionShear{type(law).__name__}")
     return twin(*law, friction.stress, friction.modulus, friction.growth)
+
+
+# --- scene ----------------------------------------------------------------------------------------
+
+
+class ShearFrictionTable(SceneModel):
+    """Friction of yarns that turn on each other (Dahl): fabric comes back another way."""
+
+    stress: PositiveStiffness = Field(
+        description="Limit of the friction's moment per volume: half the width of a loop of the "
+        "shear stress at a small angle."
+    )
+    angle: AcuteAngle = Field(
+        description="Change of the shear angle over which the friction comes to 63 % of its limit."
+    )
+    growth: Annotated[float, Number(0.2, NOT_NEGATIVE)] = Field(
+        default=0.0,
+        description="What the limit gains with the shear stress of the elastic part, over it.",
+    )
+
+    @property
+    def friction(self) -> ShearFriction:
+        return ShearFriction(self.stress, self.angle, self.growth)

@@ -1,6 +1,6 @@
 """Compaction of sheared fabric by a table: pressure over thickness at several shear angles.
 
-The energy of compaction W33 of :mod:`lcmchain.materials.compaction` is taken at a strain ε that is
+The energy of compaction W33 of :mod:`.compaction` is taken at a strain ε that is
 a map of thickness and shear,
 
     W = W33(ε),  ε = f(x, s),  1 + 2 x = (1 + 2 E33) e^-L(s),  s = -ln cos² γ,  sin γ = 2 E12,
@@ -20,7 +20,7 @@ of s through them. Beyond the last angle the free thickness goes on as a power o
 soon stay; beyond 84 degrees nothing follows the shear further, as with β.
 
 Source: the form is our own; the potential that is counted from the free thickness is that of
-:mod:`lcmchain.materials.shear_compaction`.
+:mod:`.shear_compaction`.
 
 A fabric with a table is a class of its own with one more parameter (:func:`tabled_class`): where a
 scene states none, its kernels hold none of this.
@@ -37,18 +37,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lcmchain.jit import equation
-from lcmchain.materials.compaction import compaction_of
-from lcmchain.materials.elementary import exponential, logarithm
-from lcmchain.materials.shear_compaction import LARGEST_SQUARE, StrainMap, thickening
+from lcmchain.materials.features.compaction import compaction_of
+from lcmchain.materials.features.elementary import exponential, logarithm
+from lcmchain.materials.features.pressure_curves import MOST_ANGLES, MOST_PRESSURES, PressureCurve
+from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE, StrainMap, thickening
 from lcmchain.materials.twins import twin_of
 
-#: Angles of a table at most, and pressures at each beside the first one, which is zero.
-MOST_ANGLES = 4
-MOST_PRESSURES = 5
+# --- Compaction of sheared fabric by a table: pressure over thickness at several shear angles ---
+
+
 #: s of the shear beyond which nothing follows.
 LARGEST = -math.log(1.0 - LARGEST_SQUARE)
-#: The largest angle of a table [rad].
-LARGEST_ANGLE = math.radians(75.0)
 #: Values of the second derivative of f, and knots that they have together.
 VALUES = MOST_PRESSURES
 KNOTS = VALUES + 2
@@ -62,40 +61,6 @@ RUN_OUT = 0.1
 TOLERANCE = 1e-10
 MOST_ITERATIONS = 60
 SECOND_DIFFERENCES = (1.0, -2.0, 1.0)
-
-
-class PressureCurve(NamedTuple):
-    """Compaction at one shear angle [rad]: thickness over t0 and pressure [Pa], from zero.
-
-    The pressure is that on the present area, as plates measure it. The first stretch is that
-    without pressure.
-    """
-
-    shear_angle: float
-    stretch: tuple[float, ...]
-    pressure: tuple[float, ...]
-
-    def fault(self) -> str:
-        """Say what is wrong with the points; empty where nothing is."""
-        if len(self.stretch) != len(self.pressure):
-            return f"has {len(self.pressure)} pressures for {len(self.stretch)} stretches"
-        if not 2 <= len(self.pressure) <= 1 + MOST_PRESSURES:
-            return f"has {len(self.pressure)} points; give 2 to {1 + MOST_PRESSURES}"
-        if self.pressure[0] != 0.0:
-            return (
-                f"begins at {1e-6 * self.pressure[0]:.4g} MPa; the first pressure is 0, at the "
-                "thickness that the fabric has when nothing presses"
-            )
-        wrong = (np.diff(self.pressure) <= 0.0) | (np.diff(self.stretch) >= 0.0)
-        if wrong.any():
-            number = int(np.argmax(wrong)) + 2
-            return f"does not rise at point {number}: the pressure rises as the stretch falls"
-        return ""
-
-    def strains(self) -> np.ndarray:
-        """Return x of the points that are pressed, counted from the free thickness."""
-        stretch = np.array(self.stretch)
-        return 0.5 * ((stretch[1:] / stretch[0]) ** 2 - 1.0)
 
 
 class PressureTable:
@@ -328,7 +293,7 @@ class PressureTable:
         seen = np.sqrt(1.0 + 2.0 * own.strain)
         return stretch * own.E * unsheared(seen) / seen
 
-    def law_of(self, law: Any) -> Any:
+    def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the table."""
         return _tabled_classes[type(law)](*law, self.numbers)
 
@@ -476,7 +441,7 @@ def table_thickening(law, E33, g):
 _tabled_classes: dict[type, type] = {}
 
 
-def tabled_class(law_class: Any) -> Any:
+def tabled_class(law_class: type) -> Any:
     """Return the twin of a class of laws that holds a table, see :func:`.twins.twin_of`."""
     twin = twin_of(
         law_class,

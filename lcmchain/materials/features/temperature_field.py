@@ -1,7 +1,7 @@
 """Temperature that differs over the blank: every element has times of its own, kept for the run.
 
 A temperature shifts all times of a fabric whose stress depends on a rate by one factor (Arrhenius,
-:func:`lcmchain.materials.viscous_shear.arrhenius_factor`). Of an element that is warmer by such a
+:func:`.viscous_shear.arrhenius_factor`). Of an element that is warmer by such a
 factor the same stress comes of the same strain in a shorter time: its law is that of the reference
 temperature, asked for a step that is as much longer. So one number per element is all that the
 field adds, the rate factor 1/a.
@@ -26,8 +26,11 @@ import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.law import Remembered, history_count, remembered, unrolled
+from lcmchain.materials.law import Remembered, place_in_memory, remembered, unrolled
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+# --- Temperature that differs over the blank: every element has times of its own, kept for th ---
+
 
 RATE_FACTOR = Remembered("rate_factor", "1", "how much faster than at the reference temperature")
 
@@ -62,7 +65,7 @@ class TemperatureField:
 
     def rate_factor(self, temperature: np.ndarray) -> np.ndarray:
         """Return 1/a at temperatures [K]."""
-        from lcmchain.materials.viscous_shear import GAS_CONSTANT
+        from lcmchain.materials.features.viscous_shear import GAS_CONSTANT
 
         shift = self.energy / GAS_CONSTANT * (1.0 / self.reference - 1.0 / np.asarray(temperature))
         return np.exp(shift)
@@ -108,7 +111,7 @@ def time_factor(law, history):
     return 1.0
 
 
-@unrolled(lambda own: f"lambda law, history: history[{own.rate_factor_at}]")  # type: ignore[attr-defined]
+@unrolled(lambda own: f"lambda law, history: history[{place_in_memory(own, RATE_FACTOR)}]")
 def rate_factor_of(law, history):
     """Return the rate factor of the element."""
 
@@ -132,7 +135,7 @@ def time_factor_of_element(law, history):
 
 
 @made_on_demand(r"Heated(?P<base>\w+)")
-def _twin(name: re.Match[str], base: Any) -> Any:
+def _twin(name: re.Match[str], base: type) -> Any:
     """Return the twin of a class of laws whose elements have a rate factor each."""
     twin = twin_of(
         base,
@@ -144,17 +147,11 @@ def _twin(name: re.Match[str], base: Any) -> Any:
             time_factor: time_factor_of_element,
         },
     )
-    twin.rate_factor_at = history_count(base)
     twin.remembers = (*remembered(base), RATE_FACTOR)
     return twin
 
 
-def __getattr__(name: str) -> Any:
-    """Return a twin by its name, as compiled kernels on disk look it up."""
-    return twin_named(name)
-
-
-def with_field(law: Any, field: TemperatureField | None) -> Any:
+def with_field(law: tuple[float, ...], field: TemperatureField | None) -> Any:
     """Return a law whose elements have a rate factor each, or the law itself without a field."""
     if field is None:
         return law

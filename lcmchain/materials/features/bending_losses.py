@@ -4,8 +4,8 @@ Beside the elastic moment per width of each fibre direction, linear or by a curv
 
     M = M_el(κ) + M_f + η κ' + Σ_k M_k,   M_k' + M_k/l_k = G_k κ',
 
-the moment M_f of Dahl's friction (:mod:`lcmchain.materials.dahl`), which comes to ±M_y within a
-curvature κ_f of the way back, a dashpot, and Maxwell elements (:mod:`lcmchain.materials.maxwell`).
+the moment M_f of Dahl's friction (:mod:`.rheology`), which comes to ±M_y within a
+curvature κ_f of the way back, a dashpot, and Maxwell elements (:mod:`.rheology`).
 The curvature κ = E^ζ/h of an element's centre at both ends of a step drives them: a rigid motion
 makes no moment. The stress is S^ζ = 12 h M/t0³, as that of a curve.
 
@@ -19,7 +19,7 @@ the stiffness that bounds the step as that, Maxwell elements as springs, and the
 damping rate.
 
 Source: friction of bent fabric is measured by Kawabata's test (half the width of the loop 2HB is
-M_y); see :mod:`lcmchain.materials.dahl` for its form. Viscoelastic bending of molten thermoplastic
+M_y); see :mod:`.rheology` for its form. Viscoelastic bending of molten thermoplastic
 plies, Dörr, Henning, Kärger (2018).
 
 A law of a fabric that loses so is a class of its own (:func:`losing_class`), with friction or
@@ -29,13 +29,24 @@ without, and with as many Maxwell elements as stated.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lcmchain.jit import equation
-from lcmchain.materials.dahl import LEAST_MODULUS, Friction, dahl_loss, dahl_moment
+from lcmchain.materials.features.rheology import (
+    LEAST_MODULUS,
+    Friction,
+    Relaxation,
+    Values,
+    dahl_loss,
+    dahl_moment,
+    maxwell_moment,
+    moment_after,
+)
 from lcmchain.materials.law import (
     Remembered,
     bending_bound,
@@ -44,14 +55,17 @@ from lcmchain.materials.law import (
     evolved_bending,
     history_count,
     knows_step,
+    place_in_memory,
     remembered,
     stored_bending,
     sum_text,
     unrolled,
     with_bending_losses,
 )
-from lcmchain.materials.maxwell import Relaxation, maxwell_moment, moment_after
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+
+# --- Bending of fibres that loses energy: friction between them, and what resists the rate ------
+
 
 DIRECTIONS = (1, 2)
 
@@ -118,10 +132,6 @@ class BendingLosses:
         """Modulus [Pa] of C^B of a stiffness per width [N m]: 12/t0³."""
         return 12.0 / self.thickness**3
 
-    def own_memory(self, law: Any, history: np.ndarray) -> np.ndarray:
-        """Return what a law with it remembers of it, of all that it remembers."""
-        return history[law.bending_place : law.bending_place + len(self.memory)]
-
     def glassy_moduli(self) -> np.ndarray:
         """Return by how much the moduli C11 and C22 of C^B grow for the bound of the step (2,)."""
         return self.per_stiffness * np.array([own.glassy_stiffness for own in self.directions])
@@ -130,7 +140,9 @@ class BendingLosses:
         """Return the viscosities (2,) [Pa s] of the strains E11 and E22 linear in ζ."""
         return self.per_stiffness * np.array([own.viscosity for own in self.directions])
 
-    def in_step(self, curvature: Any, memory: Any, size: float = 0.0) -> np.ndarray:
+    def in_step(
+        self, curvature: Sequence[Values] | np.ndarray, memory: ArrayLike, size: float = 0.0
+    ) -> np.ndarray:
         """Return the memory at the end of a step to curvatures (2, ...) [1/m] of both directions.
 
         Parameters
@@ -163,7 +175,7 @@ class BendingLosses:
                 after["viscous_bending_loss"] = after["viscous_bending_loss"] + lost
         return np.array(np.broadcast_arrays(*after.values()))
 
-    def moments(self, memory: Any) -> np.ndarray:
+    def moments(self, memory: np.ndarray) -> np.ndarray:
         """Return the moments (2, ...) [N] that the memory at the end of a step tells."""
         found = dict(zip((entry.name for entry in self.memory), memory, strict=True))
         names = ("bending_friction_moment", "viscous_bending_moment")
@@ -258,7 +270,15 @@ def stored_by(moment, modulus):
     return 0.5 * moment * moment / max(modulus, LEAST_MODULUS)
 
 
-def _places(own: Any) -> dict[str, int]:
+class LosingLaw(Protocol):
+    """A class of laws whose bending loses energy: what it remembers of it, and its elements."""
+
+    bending_memory: tuple[Remembered, ...]
+    bending_elements: tuple[Element, ...]
+    bending_resists_rates: bool
+
+
+def _places(own: type[LosingLaw]) -> dict[str, int]:
     return {entry.name: i for i, entry in enumerate(own.bending_memory)}
 
 
@@ -266,7 +286,7 @@ def _tuple(terms: list[str]) -> str:
     return f"({''.join(f'{term}, ' for term in terms)})"
 
 
-def _of(own: Any, direction: int | None, *, of_rate: bool) -> list[tuple[int, Element]]:
+def _of(own: type[LosingLaw], direction: int | None, *, of_rate: bool) -> list[tuple[int, Element]]:
     """Return the elements of a direction with their numbers."""
     return [
         (number, element)
@@ -275,8 +295,8 @@ def _of(own: Any, direction: int | None, *, of_rate: bool) -> list[tuple[int, El
     ]
 
 
-def _own_text(own: Any) -> str:
-    first = own.bending_place
+def _own_text(own: type[LosingLaw]) -> str:
+    first = place_in_memory(own, own.bending_memory[0])
     places = [*range(first, first + len(own.bending_memory))]
     if own.bending_resists_rates:
         places.append(history_count(own))
@@ -288,7 +308,7 @@ def own_numbers(law, history):
     """Return what the law remembers of its bending, and the size of the step if it counts."""
 
 
-def _moments_text(own: Any) -> str:
+def _moments_text(own: type[LosingLaw]) -> str:
     terms = []
     for element in own.bending_elements:
         call, passed = ("maxwell_moment", ", own[-1]") if element.of_rate else ("dahl_moment", "")
@@ -302,7 +322,7 @@ def moments_after(law, own, way_1, way_2):
     """Return the moments of all elements after a step that bends by two curvatures."""
 
 
-def _friction_text(own: Any) -> str:
+def _friction_text(own: type[LosingLaw]) -> str:
     sums = [sum_text([f"moments[{k}]" for k, _ in _of(own, d, of_rate=False)]) for d in DIRECTIONS]
     return "lambda law, moments: " + _tuple(sums)
 
@@ -312,7 +332,7 @@ def friction_moments(law, moments):
     """Return the moments of the friction of both directions."""
 
 
-def _rate_text(own: Any) -> str:
+def _rate_text(own: type[LosingLaw]) -> str:
     sums = ["0.0", "0.0"]
     if own.bending_resists_rates:
         sums = [
@@ -330,7 +350,7 @@ def rate_moments(law, own, moments, way_1, way_2):
     """Return the moments that depend on the rate of both directions."""
 
 
-def _friction_loss_text(own: Any) -> str:
+def _friction_loss_text(own: type[LosingLaw]) -> str:
     terms = [
         f"dahl_loss(own[{e.place}], moments[{k}], law.{e.modulus}, law.{e.length}, "
         f"way_{e.direction})"
@@ -344,7 +364,7 @@ def friction_loss(law, own, moments, way_1, way_2):
     """Return what the friction takes in a step, per area."""
 
 
-def _rate_loss_text(own: Any) -> str:
+def _rate_loss_text(own: type[LosingLaw]) -> str:
     places, terms = _places(own), []
     if own.bending_resists_rates:
         terms = [
@@ -364,7 +384,7 @@ def rate_loss(law, own, moments, rates, way_1, way_2):
     """Return what the rates take in a step, per area: the work less what is stored more."""
 
 
-def _packed_text(own: Any) -> str:
+def _packed_text(own: type[LosingLaw]) -> str:
     given = {f"curvature_before_{d}": f"curvature_{d}" for d in DIRECTIONS}
     given |= {f"viscous_bending_moment_{d}": f"rates[{d - 1}]" for d in DIRECTIONS}
     for name, lost in (("bending_friction_loss", "rubbed"), ("viscous_bending_loss", "resisted")):
@@ -381,8 +401,8 @@ def packed_memory(law, own, curvature_1, curvature_2, moments, rates, rubbed, re
     """Return what the law remembers of its bending, in its order."""
 
 
-def _stored_text(own: Any) -> str:
-    first = own.bending_place
+def _stored_text(own: type[LosingLaw]) -> str:
+    first = place_in_memory(own, own.bending_memory[0])
     terms = [
         f"stored_by(history[{first + e.place}], law.{e.modulus})" for e in own.bending_elements
     ]
@@ -394,7 +414,7 @@ def stored_per_area(law, history):
     """Return what the elements of a history store, per area."""
 
 
-def _glassy_text(own: Any) -> str:
+def _glassy_text(own: type[LosingLaw]) -> str:
     sums = []
     for d in DIRECTIONS:
         stiff = [f"2.0 * law.{e.modulus}" for _, e in _of(own, d, of_rate=False)]
@@ -407,7 +427,7 @@ def glassy_stiffnesses(law):
     """Return the stiffnesses of the elements of both directions at most."""
 
 
-def _viscosity_text(own: Any) -> str:
+def _viscosity_text(own: type[LosingLaw]) -> str:
     if not own.bending_resists_rates:
         return "lambda law: None"
     terms = [f"law.bending_viscosity_{d} * law.bending_scale" for d in DIRECTIONS]
@@ -463,7 +483,7 @@ def lossy_viscosity(law):
 
 
 @made_on_demand(r"(?P<rubs>Friction)?(Relaxing(?P<count>\d+))?Bending(?P<base>\w+)")
-def _twin(name: re.Match[str], base: Any) -> Any:
+def _twin(name: re.Match[str], base: type) -> Any:
     """Return the twin of a class of laws whose bending loses energy."""
     rubs = name["rubs"] is not None
     count = None if name["count"] is None else int(name["count"])
@@ -485,7 +505,6 @@ def _twin(name: re.Match[str], base: Any) -> Any:
             bending_viscosity: lossy_viscosity,
         },
     )
-    twin.bending_place = history_count(base)
     twin.bending_memory = memory_of(rubs, count)
     twin.bending_elements = elements
     twin.bending_resists_rates = count is not None
@@ -494,7 +513,7 @@ def _twin(name: re.Match[str], base: Any) -> Any:
     return twin
 
 
-def losing_class(law_class: Any, losses: BendingLosses) -> Any:
+def losing_class(law_class: type, losses: BendingLosses) -> Any:
     """Return the twin of a class of laws that loses energy as stated, see :func:`.twin_of`."""
     prefix = "Friction" if losses.rubs else ""
     if losses.resists_rates:
@@ -502,12 +521,7 @@ def losing_class(law_class: Any, losses: BendingLosses) -> Any:
     return twin_named(f"{prefix}Bending{law_class.__name__}")
 
 
-def __getattr__(name: str) -> Any:
-    """Return a twin by its name, as compiled kernels on disk look it up."""
-    return twin_named(name)
-
-
-def with_losses(law: Any, losses: BendingLosses | None) -> Any:
+def with_losses(law: tuple[float, ...], losses: BendingLosses | None) -> Any:
     """Return a law whose bending loses energy, or the law itself where nothing is stated."""
     if losses is None:
         return law

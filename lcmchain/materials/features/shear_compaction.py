@@ -1,6 +1,6 @@
 """Shear-compaction coupling: how the thickness that a fabric would take grows as it is sheared.
 
-The energy of compaction W33 of :mod:`lcmchain.materials.compaction` is taken at the strain E' of a
+The energy of compaction W33 of :mod:`.compaction` is taken at the strain E' of a
 thickness that is measured from the one that the sheared fabric takes without pressure,
 
     1 + 2 E' = (1 + 2 E33) a,  a = (1 - g²)^β,  g = 2 E12 = sin γ,
@@ -14,6 +14,14 @@ volume fraction. One potential gives all that follows,
 
 so that a fabric under pressure resists shear more. The published shear law holds as it is wherever
 nothing presses.
+
+A table of pressures (:mod:`.pressure_table`) states the strain as another map ε(E33, g), a
+:class:`StrainMap`. With S = dW33/dε and C = dS/dε, stress and tangent follow by the chain rule,
+
+    S33 = S ε_E,  S12 += S ε_g,  C33 = C ε_E² + S ε_EE,  C12 += C ε_g² + S ε_gg.
+
+The tangent that stabilises the element (Eq. 18) is then C m² in place of C33, with the stretch m(g)
+of the map: as large, without the second derivatives of ε.
 
 Source: the fibre volume fraction as what governs the compaction of sheared fabric, Schäfer, Mitsch,
 Kärger, references 87 and 88; the form is the simplest potential with both limits (manual: theory).
@@ -31,10 +39,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.dispatch import optional
+from lcmchain.dispatch import implements, optional
 from lcmchain.jit import equation
-from lcmchain.materials.elementary import exponential, logarithm
-from lcmchain.materials.law import TangentCoupling
+from lcmchain.materials.features.elementary import exponential, logarithm
+from lcmchain.materials.law import Material, TangentCoupling
 from lcmchain.materials.twins import twin_of
 
 #: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
@@ -148,12 +156,65 @@ def with_thickening(thickening, S33, C33, S12, C12):
     return pressed(thickening, S33, C33, S12, C12)
 
 
+# --- of a strain that is any map of thickness and shear -------------------------------------------
+# The same functions serve kernels and, as plain Python, arrays.
+
+
+@implements(pressed, StrainMap)
+@equation
+def mapped_pressure(m, S33, C33, S12, C12):
+    """Return S33, C33, S12 and C12 with what S and C at ε make of the shear stress."""
+    return (
+        m.E * S33,
+        m.E * m.E * C33 + m.EE * S33,
+        S12 + m.g * S33,
+        C12 + m.gg * S33 + m.g * m.g * C33,
+    )
+
+
+@implements(stabilising_at_shear, StrainMap)
+@equation
+def mapped_stabilising(m, own33, C33):
+    """Return the stabilising C33."""
+    return m.m * m.m * C33
+
+
+@implements(slope_at_shear, StrainMap)
+@equation
+def mapped_slope(m, slope33):
+    """Return the derivative of the stabilising C33 with E33."""
+    return m.m * m.m * m.E * slope33
+
+
+@implements(curvature_at_shear, StrainMap)
+@equation
+def mapped_curvature(m, slope33, curvature33):
+    """Return the second derivative of the stabilising C33 with E33."""
+    return m.m * m.m * (m.E * m.E * curvature33 + m.EE * slope33)
+
+
+@implements(shear_tangents, StrainMap)
+@equation
+def mapped_coupling(m, S33, C33, slope33, curvature33):
+    """Return dS33/dg, and dC33/dg, d²C33/dE33dg and d²C33/dg² of the stabilising C33."""
+    square, change = m.m * m.m, 2.0 * m.m * m.m_g  # of m² with g
+    bent = 2.0 * (m.m_g * m.m_g + m.m * m.m_gg)
+    return TangentCoupling(
+        m.E * m.g * C33 + m.Eg * S33,
+        square * m.g * slope33 + change * C33,
+        square * (m.E * m.g * curvature33 + m.Eg * slope33) + change * m.E * slope33,
+        square * (m.g * m.g * curvature33 + m.gg * slope33)
+        + 2.0 * change * m.g * slope33
+        + bent * C33,
+    )
+
+
 # --- laws -----------------------------------------------------------------------------------------
 
 _coupled_classes: dict[type, type] = {}
 
 
-def coupled_class(law_class: Any) -> Any:
+def coupled_class(law_class: type) -> Any:
     """Return the twin of a class of laws whose thickness knows its shear, see :func:`.twin_of`."""
     twin = twin_of(
         law_class,
@@ -172,7 +233,7 @@ def coupled_class(law_class: Any) -> Any:
 class Coupling(Protocol):
     """How the thickness of a fabric knows its shear, in NumPy."""
 
-    def law_of(self, law: Any) -> Any:
+    def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the coupling."""
 
     def at(self, E33: ArrayLike, g: ArrayLike) -> StrainMap:
@@ -196,7 +257,7 @@ class PowerCoupling:
 
     beta: float
 
-    def law_of(self, law: Any) -> Any:
+    def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the coupling."""
         return _coupled_classes[type(law)](*law, self.beta)
 
@@ -231,12 +292,12 @@ class PowerCoupling:
         return f"sheared by γ the sheet is thicker by 1/cos(γ)^{self.beta:g} without pressure"
 
 
-def coupling_of(material: Any) -> Coupling | None:
+def coupling_of(material: Material) -> Coupling | None:
     """Return how the thickness of a material knows its shear, None for one that does not."""
     return getattr(material, "coupling", None)
 
 
-def free_stretch(material: Any, shear_strain: ArrayLike) -> np.ndarray:
+def free_stretch(material: Material, shear_strain: ArrayLike) -> np.ndarray:
     """Return the thickness stretch that a material takes without pressure at shear strains g."""
     coupling = coupling_of(material)
     if coupling is None:
@@ -244,7 +305,7 @@ def free_stretch(material: Any, shear_strain: ArrayLike) -> np.ndarray:
     return coupling.free_stretch(shear_strain)
 
 
-def free_shear_stress(material: Any, shear_angle: ArrayLike) -> np.ndarray:
+def free_shear_stress(material: Material, shear_angle: ArrayLike) -> np.ndarray:
     """Return S12 [Pa] of a material sheared by angles [rad], whose thickness nothing holds."""
     strain = np.zeros((*np.shape(shear_angle), 6))
     strain[..., 3] = np.sin(shear_angle)
