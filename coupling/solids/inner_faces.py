@@ -1,10 +1,11 @@
 """Which part of every face in a stack looks at another ply, where plies end inside others.
 
-Fluid between two plies presses on both of their faces alike (:mod:`lcmchain.effects.pore_columns`),
-and so the parts of both that look at each other have to be equal, place by place: else the stack
-would be pushed as a whole. They are found column by column. A ply has a part of a column; plies
-with unlike parts lie within each other, and two of them look at each other in the part that both
-have and none between them. Where they have come apart, each face is bare.
+Fluid between two plies presses on both of their faces alike
+(:mod:`lcmchain.effects.pore_pressure`), and so the parts of both that look at each other have to be
+equal, place by place: else the stack would be pushed as a whole. They are found column by column. A
+ply has a part of a column; plies with unlike parts lie within each other, and two of them look at
+each other in the part that both have and none between them. Where they have come apart, each face
+is bare.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The fluid has one pressure in each *column*, which goes through all plies and the gaps between them.
 The elements of the ply that covers most are the columns; an element of another ply lies over those
-that its area overlaps at present. What the pressure acts on: :mod:`lcmchain.effects.pore_columns`.
+that its area overlaps at present. What the pressure acts on: :mod:`lcmchain.effects.pore_pressure`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.sparse import coo_array, csr_array
 from lcmchain.coupling.infiltration.formed_part import blocks_of
 from lcmchain.coupling.solids.explicit import DAMPED_SHARE, ExplicitForming, SavedForming
 from lcmchain.coupling.solids.inner_faces import PliesInColumns, inner_parts
-from lcmchain.effects.pore_columns import PoreColumns, mobilities, of_columns
+from lcmchain.effects.pore_pressure import PoreColumns, mobilities, of_columns
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.fields.stack import REACH

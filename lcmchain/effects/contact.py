@@ -42,8 +42,8 @@ def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_l
     To the order of the step this closes the energy balance of the steps that cross the surface;
     with the full force ½ k ab is lost where a node goes from a outside to b inside, and gained on
     the way out. The damping acts on the mean of the velocities before and after the step, as in
-    :mod:`lcmchain.effects.damping`: it then limits no step, and what it takes is exactly what the
-    motion loses. Adhesion is excluded.
+    :mod:`.process.damping`: it then limits no step, and what it takes is exactly what the motion
+    loses. Adhesion is excluded.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Gravity: the weight of the sheets.
 
 Adds: a force -m g along z on every node. A guided tool has a weight of its own
-(:mod:`lcmchain.effects.tool_motion`).
+(:mod:`lcmchain.effects.process.tool_motion`).
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2.
 Stability limit: none.
 Scene: ``process.gravity``.
@@ -25,7 +25,7 @@ def weights_of(gravity: Any, first: int, last: int) -> Any:
     """Return the accelerations of nodes ``first`` to ``last`` [m/s²] for :func:`weight_at`.
 
     gravity : one for all nodes, or an array (node_count,) where mass that weighs nothing was added
-        to some of them (:mod:`lcmchain.effects.mass_scaling`).
+        to some of them (:mod:`lcmchain.effects.process.mass_scaling`).
     """
     return gravity[first:last] if isinstance(gravity, np.ndarray) else gravity
 

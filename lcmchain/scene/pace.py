@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lcmchain.effects.pace import more_quasi_static
+from lcmchain.effects.process.pace import more_quasi_static
 from lcmchain.quantities.rounded import milliseconds, two_digits_up
 from lcmchain.scene.scene import Scene
 from lcmchain.thresholds import LARGEST_KINETIC_PART

@@ -15,7 +15,6 @@ import numpy as np
 from numba import literal_unroll, prange
 
 from lcmchain.compilation.references import Reference, referred
-from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.fibre_bending import (
     add_vectors,
     at_places,
@@ -31,6 +30,7 @@ from lcmchain.effects.interaction import (
     begin_steps,
     scratch_size,
 )
+from lcmchain.effects.process.damping import averaged_velocity, damped_velocity
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block
 from lcmchain.elements.solid_shell.together import kinds_of, put_together

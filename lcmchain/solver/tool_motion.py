@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from lcmchain.dispatch import implements
-from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
+from lcmchain.effects.process.damping import damped_velocity
 from lcmchain.jit import equation, standalone_routine, uncounted_routine
 from lcmchain.solver.contact_search import find_near_packs
 from lcmchain.state import (

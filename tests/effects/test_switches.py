@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lcmchain.check import check_scene, run_effects
-from lcmchain.effects.audit import EFFECTS, key_of, switches
-from lcmchain.effects.switches import switchable_effects
+from lcmchain.effects.switches import EFFECTS, key_of, switchable_effects, switches
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

@@ -35,9 +35,6 @@ from lcmchain.materials.twins import twin_of
 from lcmchain.quantities.entry_types import PositiveCurvature, PositiveForce, Row, wrong
 from lcmchain.quantities.scene_model import SceneModel
 
-# --- Bending of the fibres by a measured curve: moment over curvature by points -----------------
-
-
 #: Points of a curve at most, the first at zero left out.
 KINKS = 16
 # A curve takes so many numbers: the slope at the start, the kinks, and how the slope falls there.

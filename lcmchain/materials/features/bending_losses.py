@@ -64,9 +64,6 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
-# --- Bending of fibres that loses energy: friction between them, and what resists the rate ------
-
-
 DIRECTIONS = (1, 2)
 
 

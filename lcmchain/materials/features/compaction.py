@@ -18,9 +18,6 @@ from lcmchain.jit import equation
 from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.twins import twin_of
 
-# --- Compaction of a fabric, C33 = c0 exp(c1 |E33|^c2): stiffening under pressure, or not -------
-
-
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
 

@@ -11,9 +11,6 @@ import numpy as np
 
 from lcmchain.jit import strict_equation
 
-# --- Exponential and logarithm as straight-line code --------------------------------------------
-
-
 LOG2_E = 1.4426950408889634
 LN2_HIGH = 6.93147180369123816490e-01
 LN2_LOW = 1.90821492927058770002e-10

@@ -43,9 +43,6 @@ from lcmchain.materials.features.pressure_curves import MOST_ANGLES, MOST_PRESSU
 from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE, StrainMap, thickening
 from lcmchain.materials.twins import twin_of
 
-# --- Compaction of sheared fabric by a table: pressure over thickness at several shear angles ---
-
-
 #: s of the shear beyond which nothing follows.
 LARGEST = -math.log(1.0 - LARGEST_SQUARE)
 #: Values of the second derivative of f, and knots that they have together.

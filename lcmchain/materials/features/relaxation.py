@@ -54,9 +54,6 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
-# --- Compaction that relaxes: the pressure on a held gap falls, a gap under a held pressure c ---
-
-
 #: What every relaxing law remembers before the stresses of its elements.
 OWN_MEMORY = (
     Remembered("compaction_strain_before", "1", "strain of the compaction law a step before"),

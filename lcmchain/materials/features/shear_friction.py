@@ -46,9 +46,6 @@ from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 from lcmchain.quantities.entry_types import NOT_NEGATIVE, AcuteAngle, Number, PositiveStiffness
 from lcmchain.quantities.scene_model import SceneModel
 
-# --- Friction in the shear of a fabric: yarns that turn on each other at their crossings --------
-
-
 MEMORY = (
     Remembered("shear_strain_rubbed", "1", "shear strain 2 E12 a step before, for its friction"),
     Remembered("shear_friction_moment", "Pa", "moment per volume of the friction in shear"),

@@ -29,9 +29,6 @@ from lcmchain.jit import equation
 from lcmchain.materials.law import Remembered, place_in_memory, remembered, unrolled
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
-# --- Temperature that differs over the blank: every element has times of its own, kept for th ---
-
-
 RATE_FACTOR = Remembered("rate_factor", "1", "how much faster than at the reference temperature")
 
 

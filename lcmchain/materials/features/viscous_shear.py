@@ -65,9 +65,6 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
-# --- Shear of a fabric that depends on its rate: a dashpot, and Maxwell elements beside the l ---
-
-
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 # Below this rate times the time constant M a Cross viscosity is that at rest, to double precision.
 SMALLEST_CROSS = 1e-30

@@ -34,8 +34,6 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.quantities.scene_model import SceneModel
 
-# --- Scene tables of what a fabric loses: what depends on a rate, and friction of its bending ---
-
 
 class MaxwellTable(SceneModel):
     """A Maxwell element: a spring and a dashpot in series, beside the fabric's own shear law."""
