@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from lcmchain.effects.effect import Effect, Refusal, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch, refused
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import AbsentMeans, FrictionCoefficient, Number, Penalty, Range
 from lcmchain.quantities.scene_model import SceneModel
@@ -102,7 +102,7 @@ SWITCH = Switch(
 )
 
 
-def _without_tools(scene: Any) -> dict[str, Any]:
+def _without_tools(scene: EffectScene) -> dict[str, Any]:
     guided = [tool.name for tool in scene.tools if tool.motion.kind == GUIDED]
     if guided:
         raise Refusal(
@@ -112,7 +112,7 @@ def _without_tools(scene: Any) -> dict[str, Any]:
     return {"tools": ()}
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool, and the damping."""
     found = [
         Effect(f"contact with {name}", True, SHAPES[kind])

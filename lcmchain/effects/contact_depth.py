@@ -26,14 +26,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
+from lcmchain.effects.contact import Contact
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch, of_table
 from lcmchain.jit import equation
+from lcmchain.materials.law import Material
+from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, side_of_sheet, times_of_motion
-from lcmchain.tools.table import yields
+from lcmchain.tools.table import ToolTable, yields
 
 #: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
 PART_OF_PROCESS = 1.0 / 200.0
@@ -64,11 +67,22 @@ def offset_change(depth, offset, share, stiffening):
     return max(change, max(-offset, -(depth + offset)))
 
 
+class ToolsAtWork(Protocol):
+    """Which tools are at work in a stage of the process, and its start and end [s]."""
+
+    @property
+    def tools(self) -> Sequence[bool]: ...
+    @property
+    def start(self) -> float: ...
+    @property
+    def end(self) -> float: ...
+
+
 def depth_control(
-    contact: Any,
-    tools: Any,
+    contact: Contact,
+    tools: ToolTable,
     gap: float,
-    materials: Sequence[Any],
+    materials: Sequence[Material],
     process_time: float,
     rate: float,
 ) -> tuple[float | None, float]:
@@ -76,8 +90,7 @@ def depth_control(
 
     Parameters
     ----------
-    contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
-    gap : from :func:`gap_left` [m]. materials : of the sheets.
+    contact : table of a scene. gap : from :func:`gap_left` [m]. materials : of the sheets.
     rate : smallest c/m of the nodes on their contact springs [1/s].
     """
     wanted = getattr(contact, "depth", FREE)
@@ -94,7 +107,10 @@ def depth_control(
 
 
 def gap_left(
-    tools: Any, meshes: Sequence[Any], process_time: float, stages: Sequence[Any] = ()
+    tools: ToolTable,
+    meshes: Sequence[SheetMesh],
+    process_time: float,
+    stages: Sequence[ToolsAtWork] = (),
 ) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
@@ -114,7 +130,7 @@ def gap_left(
     return closest_gap(tools, meshes, process_time, known) if known else math.inf
 
 
-def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
+def pressure_in_gap(gap: float, materials: Sequence[Material]) -> float:
     """Return the pressure of sheets that lie over each other in a gap [m], from their laws [Pa].
 
     0 where they are not pressed, or nothing resists; beyond ``MOST_COMPACTED`` it is that there.
@@ -131,7 +147,7 @@ def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
     return float(np.interp(-gap, -height, pressure))
 
 
-def stiffening_of(material: Any) -> float:
+def stiffening_of(material: Material) -> float:
     """Return by how much s grows with pressure over k [1/m].
 
     A law that stiffens has a tangent that is about proportional to its pressure p. Pressed between
@@ -145,8 +161,8 @@ def stiffening_of(material: Any) -> float:
 
 
 def closest_gap(
-    tools: Any,
-    meshes: Sequence[Any],
+    tools: ToolTable,
+    meshes: Sequence[SheetMesh],
     process_time: float,
     together: Sequence[tuple[Sequence[int], float, float]] = (),
 ) -> float:
@@ -170,7 +186,7 @@ def closest_gap(
     )
 
 
-def nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:
+def nominal_pressure(material: Material, stretch: np.ndarray) -> np.ndarray:
     """Return the pressure λ |S33| [Pa] of a law at stretches λ (n,) over the thickness alone.
 
     0 where the law pulls.
@@ -189,7 +205,7 @@ SWITCH = Switch(
 )
 
 
-def _held(scene: Any) -> dict[str, Any]:
+def _held(scene: EffectScene) -> dict[str, Any]:
     if not scene.tools:
         raise Refusal("there are no tools; add [[tools]]")
     if scene.contact.damping_ratio == 0.0:
@@ -197,7 +213,7 @@ def _held(scene: Any) -> dict[str, Any]:
     return of_table("contact", depth=HELD)(scene)
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     time = model.environment.depth_time
     name = "depth in the tools driven to zero"
     if time is None:

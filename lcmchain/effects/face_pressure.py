@@ -23,14 +23,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from numba import prange
 from pydantic import Field, model_validator
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import (
     CORNERS,
     LOAD_ROWS,
@@ -189,7 +190,7 @@ class FacePressure(NamedTuple):
 
 def build_face_pressure(
     entries: Sequence[PressureOnFace],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     order: Sequence[int],
     process_time: float,
 ) -> FacePressure | None:
@@ -350,7 +351,7 @@ class RegionalPressure(NamedTuple):
 
 def build_regional_pressure(
     entries: Sequence[PressureOnFace],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     order: Sequence[int],
     process_time: float,
 ) -> RegionalPressure:
@@ -370,7 +371,7 @@ def build_regional_pressure(
 
 def regional_shares(
     entries: Sequence[PressureOnFace],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     elements: PressedElements,
     at_work: Sequence[bool] = (),
 ) -> np.ndarray:
@@ -400,7 +401,7 @@ def regional_shares(
     return share
 
 
-def _shares_of(entry: PressureOnFace, bodies: Sequence[Any], key: str) -> np.ndarray:
+def _shares_of(entry: PressureOnFace, bodies: Sequence[Body], key: str) -> np.ndarray:
     """Return the share of an entry in every element of the model, whatever the face."""
     names = [body.name for body in bodies]
     if entry.ply is not None and entry.ply not in names:
@@ -481,7 +482,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     table = model.face_pressure
     if table is None:
         return [Effect("pressure on faces", False, "no [[pressure]] entry")]

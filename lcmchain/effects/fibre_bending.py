@@ -30,6 +30,7 @@ from numba import prange
 
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     out_of_materials,
     range_in_words,
@@ -37,6 +38,7 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.elements.blocks import LANES, in_blocks, in_shared_blocks
+from lcmchain.elements.family import Body
 from lcmchain.elements.lane_runs import find_runs, vector_of_lanes
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import entry, equation, kernel, span_routine
@@ -142,7 +144,7 @@ class FibreBending(NamedTuple):
         return self.data.first_force + _place(self.lane, FORCE_ROWS)
 
 
-def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending | None:
+def build_fibre_bending(bodies: Sequence[Body], first_force: int) -> FibreBending | None:
     """Return the table of all bodies whose fibres resist bending within the plane, or None.
 
     Parameters
@@ -226,7 +228,7 @@ def _place(node: np.ndarray, row_count: int) -> np.ndarray:
     return block * row_count * LANES + lane
 
 
-def _of_body(body: Any, number: int, first_mid: int) -> FibreBending:
+def _of_body(body: Body, number: int, first_mid: int) -> FibreBending:
     """Return the table of a body; its first mid-surface node gets the number ``first_mid``."""
     mesh = body.mesh
     nodes = np.arange(mesh.node_count, dtype=np.int32)
@@ -533,7 +535,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     table = model.fibre_bending
     name = "in-plane bending of fibres"
     if table is not None:

@@ -12,9 +12,8 @@ Fields: ``tool_force``, ``energy_friction`` (history).
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.jit import equation
 from lcmchain.packs import choose
@@ -64,7 +63,7 @@ def friction_loss(before, after, way, stiffness):
 SWITCH = Switch(
     entry="contact.friction, tools.friction",
     without="the forces along the tools' surfaces: draw-in and the tools' forces",
-    called=lambda scene: any(tool.friction > 0.0 for tool in scene.tools),
+    called=lambda scene: any((tool.friction or 0.0) > 0.0 for tool in scene.tools),
     off=lambda scene: {
         "tools": tuple(tool.model_copy(update={"friction": 0.0}) for tool in scene.tools)
     },
@@ -74,7 +73,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool."""
     return [
         Effect(f"friction on {name}", coefficient > 0.0, f"coefficient {coefficient:g}")

@@ -21,14 +21,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.sparse import coo_array
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, EffectModel
 from lcmchain.effects.supports import Support, translation
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.mesh.lines import outward, pieces_along
 from lcmchain.mesh.places import NamedPlace, Places, place_text
@@ -57,6 +58,7 @@ from lcmchain.tools.motion import (
     TableMotion,
     TurnMotion,
 )
+from lcmchain.tools.motion.base import ToolMotion
 from lcmchain.tools.motion.travel import travel_along
 
 #: Time over which the force at the start comes on, relative to the process.
@@ -263,7 +265,7 @@ class Grip:
         )
 
 
-def require_leading(motion: Any, key: str) -> None:
+def require_leading(motion: ToolMotion, key: str) -> None:
     """Refuse a motion by which no gripper leads; the error names the key."""
     if isinstance(motion, TurnMotion):
         raise wrong("turns; a gripper is led by a stroke or a table", field=f"{key}.type")
@@ -310,7 +312,7 @@ class GripperTable(NamedTuple):
     coupling: np.ndarray
 
 
-def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, ...]:
+def grips_of(entries: Sequence[Gripper], bodies: Sequence[Body]) -> tuple[Grip, ...]:
     """Return the grippers of a scene on the nodes of its bodies.
 
     Parameters
@@ -350,7 +352,7 @@ class _Piece(NamedTuple):
     outward: np.ndarray
 
 
-def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Grip]:
+def _grips_of_entry(entry: Gripper, bodies: Sequence[Body], key: str) -> list[Grip]:
     """Return the grippers of an entry, with what each holds of all bodies that are there."""
     of_bodies: list[list[_Piece]] = []
     elsewhere: list[InputError] = []
@@ -367,7 +369,7 @@ def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Gri
     ]
 
 
-def _pieces(entry: Gripper, body: Any, key: str) -> list[_Piece]:
+def _pieces(entry: Gripper, body: Body, key: str) -> list[_Piece]:
     mesh = body.mesh
     positions = mesh.node_positions
     sides = [side for name, side in mesh.sides().items() if entry.face in (None, name)]
@@ -488,7 +490,7 @@ def omega2_of_grippers(table: GripperTable, travel: np.ndarray, force: np.ndarra
     return float((root[:, None] * table.coupling * root).sum(axis=1).max())
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per entry of ``[[grippers]]``."""
     found = []
     for entry in dict.fromkeys(grip.settings for grip in model.grips):

@@ -20,7 +20,7 @@ In Python it registers with :func:`bound` how it limits the step.
 from __future__ import annotations
 
 from functools import singledispatch
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lcmchain.dispatch import optional
 
@@ -37,7 +37,7 @@ class Nothing(NamedTuple):
 NOTHING = Nothing()
 
 
-def in_places(interactions: tuple[Any, ...]) -> tuple[Any, ...]:
+def in_places(interactions: tuple[object, ...]) -> tuple[object, ...]:
     """Return the interactions of a model for the loop, with nothing in the places that are left."""
     left = PLACES - len(interactions)
     if left < 0:
@@ -62,7 +62,7 @@ NO_BOUND = Bound(0.0, 0.0, "")
 
 
 @singledispatch
-def bound(interaction: Any, model: Any, state: Any, ahead: float) -> Bound:
+def bound(interaction: object, model: object, state: object, ahead: float) -> Bound:
     """Return what an interaction adds to the highest frequency until the next look at it.
 
     ahead : time until that look [s].

@@ -17,12 +17,10 @@ Fields: ``ply_pressure_top``, ``ply_shear_stress_top``, ``ply_gap_top``, ``slip_
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Effect, range_in_words
+from lcmchain.effects.effect import Effect, EffectModel, range_in_words
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return contact and friction between plies; nothing for one sheet without one of its own."""
     contact = model.ply_contact
     if contact is None:

@@ -50,13 +50,13 @@ and of pressures on faces together.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 from scipy.sparse import csr_array
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.effects.face_pressure import add_face_load, face_modes_of_lane
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import (
@@ -432,7 +432,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     elements: PressedElements | None = model.pore
     if elements is None:
         return [Effect("pore pressure", False, "no fluid is coupled")]

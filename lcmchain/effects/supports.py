@@ -15,12 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, EffectModel
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
 
@@ -154,7 +154,7 @@ def prescribed_position(supports, k, d, piece, s):
     return x
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per group of held nodes."""
     if model.supports is None:
         return []

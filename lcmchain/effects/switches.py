@@ -12,6 +12,7 @@ is refused with the reason (:class:`lcmchain.effects.effect.Switch`, one in each
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import ModuleType
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, create_model
@@ -28,7 +29,7 @@ from lcmchain.effects import (
     pore_pressure,
     supports,
 )
-from lcmchain.effects.effect import Effect, Refusal, Switch
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch
 from lcmchain.effects.process import damping, fibre_modulus, mass_scaling, pace, tool_motion
 from lcmchain.effects.sheet import (
     bending,
@@ -83,12 +84,12 @@ EFFECTS = (
 )
 
 
-def effects_of(model: Any) -> list[Effect]:
+def effects_of(model: EffectModel) -> list[Effect]:
     """Return the effects of a :class:`lcmchain.model.Model`."""
     return [effect._replace(key=key_of(file)) for file in EFFECTS for effect in file.active(model)]
 
 
-def key_of(file: Any) -> str:
+def key_of(file: ModuleType) -> str:
     """Return the entry of ``[effects]`` of an effect's file, its name; empty without a switch."""
     return file.__name__.rsplit(".", 1)[1] if hasattr(file, "SWITCH") else ""
 
@@ -142,13 +143,13 @@ class Switchable(NamedTuple):
     why: str
 
 
-def settings_of(scene: Any) -> dict[str, str]:
+def settings_of(scene: EffectScene) -> dict[str, str]:
     """Return the settings of a scene other than "auto", by entry of ``[effects]``."""
     given = {key: getattr(scene.effects, key) for key in switches()}
     return {key: setting for key, setting in given.items() if setting != "auto"}
 
 
-def changes(scene: Any, key: str, setting: str) -> dict[str, Any] | None:
+def changes(scene: EffectScene, key: str, setting: str) -> dict[str, Any] | None:
     """Return the entries of a scene that change; None where it is already as asked for.
 
     Raises
@@ -162,7 +163,7 @@ def changes(scene: Any, key: str, setting: str) -> dict[str, Any] | None:
     return switch.off(scene) if setting == "off" else switch.on(scene)
 
 
-def with_effect(scene: Any, key: str, setting: str) -> Any:
+def with_effect(scene: EffectScene, key: str, setting: str) -> Any:
     """Return a copy of a scene with an effect switched "on" or "off".
 
     Raises
@@ -174,7 +175,7 @@ def with_effect(scene: Any, key: str, setting: str) -> Any:
     return scene.model_copy(update=changed)
 
 
-def switchable_effects(scene: Any) -> list[Switchable]:
+def switchable_effects(scene: EffectScene) -> list[Switchable]:
     """Return the effects that the other setting would change, for a study of what each costs.
 
     Those that a scene has already switched stay as they are set.
@@ -188,7 +189,7 @@ def switchable_effects(scene: Any) -> list[Switchable]:
     return list(_switchable(scene, settings_of(scene)))
 
 
-def _switchable(scene: Any, settled: Mapping[str, str]) -> Iterator[Switchable]:
+def _switchable(scene: EffectScene, settled: Mapping[str, str]) -> Iterator[Switchable]:
     for key, switch in switches().items():
         if key in settled:
             continue

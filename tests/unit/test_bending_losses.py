@@ -17,7 +17,7 @@ from lcmchain.coupons.specimen import Loop
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_bending_loop_file
-from lcmchain.materials.features import bending_losses as module
+from lcmchain.materials import laws
 from lcmchain.materials.features.bending_losses import BendingLosses, DirectionLosses
 from lcmchain.materials.features.rheology import Friction, Relaxation
 from lcmchain.materials.law import (
@@ -249,7 +249,7 @@ friction_1 = { moment = "0.02 N", curvature = "4 1/m" }
     assert lost[0] == pytest.approx(
         history[-1] + fabric.dissipated_energy(np.where(history == 0.0, -0.1, 0.0)[:, None])[0]
     )
-    assert type(fabric.law).__module__ == module.__name__
+    assert type(fabric.law).__module__ == laws.__name__
 
 
 # --- scenes ---------------------------------------------------------------------------------------

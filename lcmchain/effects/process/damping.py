@@ -12,9 +12,7 @@ Fields: ``energy_damping``, ``history_energy_mass_damping`` (history): work of t
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Effect, Switch, of_table, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, of_table, refused
 from lcmchain.jit import equation
 
 
@@ -41,7 +39,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     rate, time = model.environment.mass_damping, model.averaging
     of = "" if time is None else f" of the motion relative to its mean over {1e3 * time:g} ms"
     return [Effect("mass damping", rate > 0.0, f"{rate:g} 1/s{of}")]

@@ -14,9 +14,7 @@ Fields: ``fibre_strain_1``, ``fibre_strain_2`` tell what it does.
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Effect, Switch, of_table, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, of_table, refused
 
 SWITCH = Switch(
     entry="process.fibre_modulus_factor",
@@ -27,7 +25,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     factors = {getattr(body.material, "fibre_modulus_factor", 1.0) for body in model.bodies}
     if factors == {1.0}:

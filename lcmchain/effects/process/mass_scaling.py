@@ -16,13 +16,14 @@ Fields: none; ``mass_added_kg``, ``mass_added_total``, ``mass_added_largest`` of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from lcmchain.effects.effect import Effect, Switch, of_table, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, of_table, refused
 from lcmchain.effects.fibre_bending import FibreBending, frequency_bound
+from lcmchain.elements.family import Body
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -48,12 +49,12 @@ class MassScaling(SceneModel):
 
 
 def with_added_mass(
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     scaling: MassScaling | None,
     *,
     step_safety: float,
     fibre_bending: FibreBending | None,
-) -> list[Any]:
+) -> list[Body]:
     """Return the bodies with the inertia that a scene asks for.
 
     Parameters
@@ -81,12 +82,12 @@ def with_added_mass(
     return found
 
 
-def _scaled(body: Any, factor: float, omega2: float) -> Any:
+def _scaled(body: Body, factor: float, omega2: float) -> Body:
     """Return a body ``factor`` times as heavy, and heavier where it exceeds ``omega2`` [1/s²]."""
     return body.with_mass_factor(factor * np.maximum(body.part_omega2 / (factor * omega2), 1.0))
 
 
-def weight_per_inertia(bodies: Sequence[Any], gravity: float) -> float | np.ndarray:
+def weight_per_inertia(bodies: Sequence[Body], gravity: float) -> float | np.ndarray:
     """Return the acceleration [m/s²] by the weight of the sheets; (node_count,) where it differs.
 
     The weight is that of the fabric: the added mass is inertia alone.
@@ -101,7 +102,7 @@ def weight_per_inertia(bodies: Sequence[Any], gravity: float) -> float | np.ndar
     return gravity * share
 
 
-def added_mass(model: Any) -> dict[str, float]:
+def added_mass(model: EffectModel) -> dict[str, float]:
     """Return the added mass under the names of ``summary.json``.
 
     ``mass_added_kg`` in all; ``mass_added_total`` the same over the mass of the sheets;
@@ -124,7 +125,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect."""
     found = added_mass(model)
     if found["mass_added_largest"] == 0.0:

@@ -19,9 +19,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, EffectModel
+from lcmchain.elements.family import Body
 from lcmchain.materials.shear_waves import shear_energy
 from lcmchain.quantities.rounded import two_digits_up
 
@@ -54,7 +55,7 @@ class PaceLaw(NamedTuple):
     floor: float
 
 
-def pace_law(bodies: Sequence[Any], time: float, quasi_static: float) -> PaceLaw:
+def pace_law(bodies: Sequence[Body], time: float, quasi_static: float) -> PaceLaw:
     """Return how the pace of some sheets is found.
 
     Parameters
@@ -106,7 +107,7 @@ def more_quasi_static(present: float, times: float) -> str:
     return f"process.quasi_static = {two_digits_up(present * max(times, LEAST_SLOWER))}"
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     law = model.pace
     if law is None:
         return [Effect("pace", False, f"the process has a time, {1e3 * model.process_time:g} ms")]

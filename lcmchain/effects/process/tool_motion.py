@@ -13,11 +13,10 @@ Fields: ``tool_travel``, ``tool_angle``, ``history_tool_moment``, ``energy_exter
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.tools.motion import GUIDED, PRESCRIBED, prescribed_travel
 from lcmchain.tools.turn import turning
 
@@ -30,7 +29,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool that can move."""
     tools = model.tools
     found = []

@@ -11,9 +11,9 @@ Fields: ``bending_pressure``; it shows as ``displacement``.
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import Refusal, Switch, of_elements, of_the_elements
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.membrane_shell.table import MembraneShellElement
 
 SWITCH = Switch(
     entry="material.bending, element.bending",
@@ -25,12 +25,12 @@ SWITCH = Switch(
 )
 
 
-def _bends(element: Any) -> bool:
+def _bends(element: SheetElement) -> bool:
     return element.has_forces and getattr(element, "bending", True)
 
 
-def _membrane(element: Any) -> Any:
-    if element.has_thickness:
+def _membrane(element: SheetElement) -> SheetElement:
+    if not isinstance(element, MembraneShellElement):
         raise Refusal(
             "without C^B solid-shells have motions that nothing resists; use small values of "
             'material.bending, or element = "membrane-shell", which can be a membrane alone'
@@ -38,7 +38,7 @@ def _membrane(element: Any) -> Any:
     return element.without_bending()
 
 
-def _shell(element: Any) -> Any:
+def _shell(element: SheetElement) -> SheetElement:
     if not element.has_forces:
         raise Refusal('a net of fibres has no moments; use element = "membrane-shell"')
     return element if element.has_thickness else element.model_copy(update={"bending": True})

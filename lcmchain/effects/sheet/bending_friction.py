@@ -10,17 +10,16 @@ Fields: ``bending_friction_moment_1``, ``bending_friction_moment_2``, ``bending_
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     of_materials,
     out_of_materials,
     refused,
     stated_by_materials,
 )
-from lcmchain.materials.law import bending_losses_of
+from lcmchain.materials.law import Material, bending_losses_of
 
 SWITCH = Switch(
     entry="material.bending.friction_1, material.bending.friction_2",
@@ -31,7 +30,7 @@ SWITCH = Switch(
 )
 
 
-def _in_words(material: Any) -> str | None:
+def _in_words(material: Material) -> str | None:
     losses = bending_losses_of(material)
     if losses is None or not losses.rubs:
         return None
@@ -43,6 +42,6 @@ def _in_words(material: Any) -> str | None:
     )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     return [of_materials("bending friction", model, _in_words, "bent fibres do not rub")]

@@ -10,10 +10,9 @@ Fields: ``compaction_strain_before``, ``compaction_stress_before``, ``relaxing_w
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     of_materials,
     out_of_materials,
@@ -21,6 +20,7 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.materials.features.relaxation import relaxation_of
+from lcmchain.materials.law import Material
 
 SWITCH = Switch(
     entry="material.viscous.compaction",
@@ -31,12 +31,12 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     nothing = "the compaction does not depend on time"
     return [of_materials("compaction relaxation", model, _in_words, nothing)]
 
 
-def _in_words(material: Any) -> str | None:
+def _in_words(material: Material) -> str | None:
     relaxation = relaxation_of(material)
     return None if relaxation is None else relaxation.in_words()

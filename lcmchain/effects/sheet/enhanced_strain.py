@@ -10,9 +10,9 @@ Fields: none.
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Refusal, Switch, of_elements, of_the_elements
+from lcmchain.effects.effect import EffectScene, Refusal, Switch, of_elements, of_the_elements
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.solid_shell.table import Element
 
 SWITCH = Switch(
     entry="element, material",
@@ -25,16 +25,18 @@ SWITCH = Switch(
 )
 
 
-def _called(scene: Any) -> bool | None:
-    solid = [ply for ply in scene.stack if ply.element.has_thickness]
+def _called(scene: EffectScene) -> bool | None:
+    solid = [ply for ply in scene.stack if ply.element.has_thickness and ply.element.has_forces]
     if not solid:
         return False
     return True if any(ply.material.build().couples_thickness for ply in solid) else None
 
 
-def _chosen(element: Any, there: bool) -> Any:
+def _chosen(element: SheetElement, there: bool) -> SheetElement:
     if not element.has_thickness:
         raise Refusal('triangles have no thickness; use element = "solid-shell"')
+    if not isinstance(element, Element):
+        raise Refusal('a net of fibres has no strains of its own; use element = "solid-shell"')
     return element.with_enhanced_strain(there)
 
 

@@ -10,10 +10,9 @@ Fields: ``shear_friction_moment``, ``shear_friction_loss``, ``shear_strain_rubbe
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     of_materials,
     out_of_materials,
@@ -21,6 +20,7 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.materials.features.shear_friction import shear_friction_of
+from lcmchain.materials.law import Material
 
 SWITCH = Switch(
     entry="material.membrane.friction",
@@ -31,11 +31,11 @@ SWITCH = Switch(
 )
 
 
-def _in_words(material: Any) -> str | None:
+def _in_words(material: Material) -> str | None:
     friction = shear_friction_of(material)
     return None if friction is None else friction.in_words()
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     return [of_materials("shear friction", model, _in_words, "sheared fabric does not rub")]

@@ -9,9 +9,14 @@ Fields: none; it shows as ``shear_angle``.
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Effect, Switch, out_of_materials, refused, stated_by_materials
+from lcmchain.effects.effect import (
+    Effect,
+    EffectModel,
+    Switch,
+    out_of_materials,
+    refused,
+    stated_by_materials,
+)
 
 SWITCH = Switch(
     entry="material.membrane.locking_angle",
@@ -24,7 +29,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     locks = any(body.material.locks for body in model.bodies)
     reason = "the law stiffens beyond its locking angle" if locks else "the law states no locking"

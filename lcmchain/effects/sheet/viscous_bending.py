@@ -11,17 +11,16 @@ Fields: ``viscous_bending_moment_1``, ``viscous_bending_moment_2``, ``viscous_be
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     of_materials,
     out_of_materials,
     refused,
     stated_by_materials,
 )
-from lcmchain.materials.law import bending_losses_of
+from lcmchain.materials.law import Material, bending_losses_of
 
 SWITCH = Switch(
     entry="material.bending.viscous_1, material.bending.viscous_2",
@@ -32,7 +31,7 @@ SWITCH = Switch(
 )
 
 
-def _in_words(material: Any) -> str | None:
+def _in_words(material: Material) -> str | None:
     losses = bending_losses_of(material)
     if losses is None or not losses.resists_rates:
         return None
@@ -45,7 +44,7 @@ def _in_words(material: Any) -> str | None:
     return "; ".join(told)
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     nothing = "the bending does not depend on its rate"
     return [of_materials("viscous bending", model, _in_words, nothing)]

@@ -11,10 +11,10 @@ Fields: ``viscous_shear_stress``, ``viscous_dissipation``, ``shear_strain_before
 
 from __future__ import annotations
 
-from typing import Any
-
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
+    EffectScene,
     Switch,
     of_materials,
     out_of_materials,
@@ -22,6 +22,7 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.materials.features.viscous_shear import viscous_of
+from lcmchain.materials.law import Material
 
 SWITCH = Switch(
     entry="material.viscous",
@@ -32,7 +33,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     nothing = "the shear does not depend on its rate"
     found = of_materials("viscous shear", model, _in_words, nothing)
@@ -41,18 +42,18 @@ def active(model: Any) -> list[Effect]:
     return [found]
 
 
-def _in_words(material: Any) -> str | None:
+def _in_words(material: Material) -> str | None:
     viscous = viscous_of(material)
     return None if viscous is None else viscous.in_words()
 
 
-def temperatures_of(model: Any) -> str:
+def temperatures_of(model: EffectModel) -> str:
     """Say in words how the temperature differs over the sheets; empty where it does not."""
     fields = [getattr(body.material, "temperature", None) for body in model.bodies]
     return " and ".join(dict.fromkeys(own.in_words() for own in fields if own is not None))
 
 
-def remarks(scene: Any) -> list[str]:
+def remarks(scene: EffectScene) -> list[str]:
     """Say what of a scene changes a stress that depends on a rate."""
     materials = [ply.material for ply in scene.stack]
     entries = []
