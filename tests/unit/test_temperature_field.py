@@ -8,8 +8,12 @@ import pytest
 from lcmchain.coupons.compaction import compaction
 from lcmchain.errors import InputError
 from lcmchain.materials.features.relaxation import CompactionRelaxation
-from lcmchain.materials.features.temperature_field import RATE_FACTOR, TemperatureField
-from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
+from lcmchain.materials.features.temperature_field import (
+    RATE_FACTOR,
+    TemperatureField,
+    arrhenius_factor,
+)
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.materials.law import (
     Step,
     evolved_history,

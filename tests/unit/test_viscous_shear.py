@@ -21,7 +21,8 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.materials import laws
 from lcmchain.materials.fabric import FabricLaw
-from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
+from lcmchain.materials.features.temperature_field import arrhenius_factor
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.materials.law import (
     Remembered,
     Step,

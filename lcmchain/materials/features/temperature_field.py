@@ -1,23 +1,26 @@
-"""Temperature that differs over the blank: every element has times of its own, kept for the run.
+"""Temperature of a fabric: it shifts all times, by one factor, or in every element by its own.
 
-A temperature shifts all times of a fabric whose stress depends on a rate by one factor (Arrhenius,
-:func:`.viscous_shear.arrhenius_factor`). Of an element that is warmer by such a
-factor the same stress comes of the same strain in a shorter time: its law is that of the reference
-temperature, asked for a step that is as much longer. So one number per element is all that the
-field adds, the rate factor 1/a.
+The times of a fabric whose stress depends on a rate are longer by a factor a where it is colder
+(:func:`arrhenius_factor`): viscosities and relaxation times grow by it, moduli stay
+(thermorheologically simple). Source: Ferry, "Viscoelastic Properties of Polymers", chapter 11, of
+melts far above their glass transition.
 
-It is a value of the element, no memory: it stands with what a law remembers, begins as the field
-says (``initial_history`` of the material), and every step hands it on. Checkpoints, rollback and
-resumed runs hold it with the rest.
+**One temperature** shifts the parameters of the law before a run (``shifted`` of what states them).
 
-The field is given on a grid in the coordinates of the undeformed blank, linear between its points,
-and beyond them as at its edge.
+**A temperature that differs over the blank** gives every element a factor of its own. A warmer
+element comes to the same stress in a shorter time: its law is that of the reference temperature,
+asked for a step that is longer by the rate factor 1/a. This number per element is all that the
+field adds. It is a value of the element and no memory, but stands with what a law remembers: it
+begins as the field says (``initial_history`` of the material), and every step hands it on.
+Checkpoints, rollback and resumed runs hold it with the rest.
 
-A law with it is a class of its own, made when it is asked for.
+The field is given on a grid in the coordinates of the undeformed blank, linear between its points
+and constant beyond its edges. A law with it is a class of its own, made when it is asked for.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -29,7 +32,13 @@ from lcmchain.jit import equation
 from lcmchain.materials.law import Remembered, place_in_memory, remembered, unrolled
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
+GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 RATE_FACTOR = Remembered("rate_factor", "1", "how much faster than at the reference temperature")
+
+
+def arrhenius_factor(temperature: float, reference: float, energy: float) -> float:
+    """Return the factor on all times at a temperature [K]; energy of activation [J/mol]."""
+    return math.exp(energy / GAS_CONSTANT * (1.0 / temperature - 1.0 / reference))
 
 
 @dataclass(frozen=True)
@@ -62,8 +71,6 @@ class TemperatureField:
 
     def rate_factor(self, temperature: np.ndarray) -> np.ndarray:
         """Return 1/a at temperatures [K]."""
-        from lcmchain.materials.features.viscous_shear import GAS_CONSTANT
-
         shift = self.energy / GAS_CONSTANT * (1.0 / self.reference - 1.0 / np.asarray(temperature))
         return np.exp(shift)
 

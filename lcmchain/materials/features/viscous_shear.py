@@ -22,13 +22,11 @@ The viscosity is constant (Newton) or falls with the rate (Cross),
 
     η = η∞ + (η0 - η∞) / (1 + (M |γ'|)^(1 - N)).
 
-A temperature that is given as a value shifts all times by one factor a (:func:`arrhenius_factor`):
-η, M and l_k grow by it, the moduli stay (thermorheologically simple).
+A temperature shifts η, M and l_k by one factor (:mod:`.temperature_field`).
 
 Source: Kelvin-Voigt and generalised Maxwell of thermoplastic fabrics, Dörr, Henning, Kärger (2018);
 the exponential update, Simo and Hughes, "Computational Inelasticity", chapter 10; Cross, J. Colloid
-Sci. 20 (1965) 417-437; the shift of times by temperature, Ferry, "Viscoelastic Properties of
-Polymers", chapter 11: of melts far above their glass transition after Arrhenius.
+Sci. 20 (1965) 417-437.
 
 A law of a fabric with such a shear is a class of its own, with as many Maxwell elements as stated
 (:func:`viscous_class`): where a scene states none, its kernels hold none of this. The classes are
@@ -37,7 +35,6 @@ made when they are asked for (:mod:`lcmchain.materials.twins`).
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -65,7 +62,6 @@ from lcmchain.materials.law import (
 )
 from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
 
-GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 # Below this rate times the time constant M a Cross viscosity is that at rest, to double precision.
 SMALLEST_CROSS = 1e-30
 #: What every law with a rate remembers before the moments of its Maxwell elements.
@@ -79,11 +75,6 @@ OWN_MEMORY = (
 def viscous_of(material: Material) -> ViscousShear | None:
     """Return what resists the rate of a material's shear, None for one that does not know it."""
     return getattr(material, "viscous", None)
-
-
-def arrhenius_factor(temperature: float, reference: float, energy: float) -> float:
-    """Return the factor on all times at a temperature [K]; energy of activation [J/mol]."""
-    return math.exp(energy / GAS_CONSTANT * (1.0 / temperature - 1.0 / reference))
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from pydantic import Field, model_validator
 from lcmchain.materials.features.bending_losses import BendingLosses, DirectionLosses
 from lcmchain.materials.features.relaxation import CompactionRelaxation
 from lcmchain.materials.features.rheology import Friction, Relaxation
-from lcmchain.materials.features.temperature_field import TemperatureField
-from lcmchain.materials.features.viscous_shear import ViscousShear, arrhenius_factor
+from lcmchain.materials.features.temperature_field import TemperatureField, arrhenius_factor
+from lcmchain.materials.features.viscous_shear import ViscousShear
 from lcmchain.quantities.entry_types import (
     POSITIVE,
     AbsentMeans,
