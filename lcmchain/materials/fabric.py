@@ -316,8 +316,8 @@ def name_twins(law_class: type, module: dict[str, Any]) -> None:
     """
     classes = [law_class, coupled_class(law_class), tabled_class(law_class)]
     for twin in (locking_class, linear_class, bent_class):
-        classes += [twin(own) for own in classes]
-    module.update({own.__name__: own for own in classes})
+        classes += [twin(base) for base in classes]
+    module.update({base.__name__: base for base in classes})
     let_have_twins(*classes)
 
 
@@ -338,10 +338,10 @@ class Fabric:
     locking : beyond a shear angle, None for a law that does not lock.
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
-    coupling : how the thickness knows the shear, None for a fabric where it does not.
+    coupling : how the thickness depends on the shear, None where it does not.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
-    viscous : what resists the rate of the shear, None for a law that does not know it.
-    relaxation : what relaxes of the compaction, None for a law where nothing does.
+    viscous : what resists the rate of the shear, None without.
+    relaxation : the part of the compaction that relaxes, None without.
     temperature : over the blank, which shifts the times of both; None where it is one.
     bending_losses : friction and resistance to rates of the bending, None without.
     shear_friction : friction of the shear, None without.
@@ -443,9 +443,9 @@ class Fabric:
         S33, C33 = self._compaction(self._seen(E))
         S[..., 2], C[..., 2, 2] = S33, C33
         if self.coupling is not None:
-            own = self.coupling.at(E[..., 2], E[..., 3])
+            strain_map = self.coupling.at(E[..., 2], E[..., 3])
             S[..., 2], C[..., 2, 2], S[..., 3], C[..., 3, 3] = mapped_pressure.py_func(
-                own, S33, C33, S[..., 3], C[..., 3, 3]
+                strain_map, S33, C33, S[..., 3], C[..., 3, 3]
             )
             C[..., 2, 3] = C[..., 3, 2] = self.tangent_couplings(E)[0]
         return S, C
@@ -465,8 +465,8 @@ class Fabric:
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
         if self.coupling is not None:
-            own, _, C33, *_ = self._mapped(E)
-            C[..., 2, 2] = mapped_stabilising.py_func(own, None, C33)
+            strain_map, _, C33, *_ = self._mapped(E)
+            C[..., 2, 2] = mapped_stabilising.py_func(strain_map, None, C33)
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
         return C, slope, curvature
@@ -478,8 +478,8 @@ class Fabric:
         slope[..., 3] = self._shear_slope(E[..., 3])
         slope[..., 2] = self._compaction_slope(self._seen(E))
         if self.coupling is not None:
-            own, _, _, slope33, _ = self._mapped(E)
-            slope[..., 2] = mapped_slope.py_func(own, slope33)
+            strain_map, _, _, slope33, _ = self._mapped(E)
+            slope[..., 2] = mapped_slope.py_func(strain_map, slope33)
         return slope
 
     def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
@@ -489,8 +489,8 @@ class Fabric:
         curvature[..., 3] = self._shear_curvature(E[..., 3])
         curvature[..., 2] = self._compaction_curvature(self._seen(E))
         if self.coupling is not None:
-            own, _, _, *derivatives = self._mapped(E)
-            curvature[..., 2] = mapped_curvature.py_func(own, *derivatives)
+            strain_map, _, _, *derivatives = self._mapped(E)
+            curvature[..., 2] = mapped_curvature.py_func(strain_map, *derivatives)
         return curvature
 
     def tangent_couplings(self, E: ArrayLike) -> TangentCoupling:
@@ -504,10 +504,10 @@ class Fabric:
     def _mapped(self, E):
         """Return the map of the coupling, and S33 and C33 with the derivatives of C33 there."""
         assert self.coupling is not None
-        own = self.coupling.at(E[..., 2], E[..., 3])
-        S33, C33 = self._compaction(own.strain)
-        slope33 = self._compaction_slope(own.strain)
-        return own, S33, C33, slope33, self._compaction_curvature(own.strain)
+        strain_map = self.coupling.at(E[..., 2], E[..., 3])
+        S33, C33 = self._compaction(strain_map.strain)
+        slope33 = self._compaction_slope(strain_map.strain)
+        return strain_map, S33, C33, slope33, self._compaction_curvature(strain_map.strain)
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
@@ -603,7 +603,7 @@ class Fabric:
         return stored + self._remembered_energy(history)
 
     def _remembered_energy(self, history: np.ndarray | None) -> Any:
-        """Return what Maxwell elements, friction, and what relaxes store [J/m³]."""
+        """Return what Maxwell elements, friction and relaxing compaction store [J/m³]."""
         stored: Any = 0.0
         if history is None:
             return stored
@@ -617,11 +617,11 @@ class Fabric:
     def _stored_by_relaxation(self, history: np.ndarray) -> np.ndarray | float:
         if self.relaxation is None:
             return 0.0
-        own = own_memory(self.law, self.relaxation.memory, history)
-        return self.relaxation.stored(own, self.law, self._compaction_energy)
+        memory = own_memory(self.law, self.relaxation.memory, history)
+        return self.relaxation.stored(memory, self.law, self._compaction_energy)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
+        """Return what friction has dissipated [J/m³]; for rates see :meth:`viscous_energy`."""
         lost = self._lost_in_bending("bending_friction_loss", history)
         friction = self.shear_friction
         return (
@@ -650,19 +650,19 @@ class Fabric:
         if self.temperature is not None:
             step = step._replace(size=step.size * history[place_in_memory(self.law, RATE_FACTOR)])
         if self.relaxation is not None:
-            own = own_memory(self.law, self.relaxation.memory, history)
-            S += self.relaxing_stress(E, self.relaxed(E, own, step.size))
+            memory = own_memory(self.law, self.relaxation.memory, history)
+            S += self.relaxing_stress(E, self.relaxed(E, memory, step.size))
         if self.viscous is not None:
             S += stress_of_step(
                 self.viscous, E, own_memory(self.law, self.viscous.memory, history), step
             )
         if self.shear_friction is not None:
-            own, g = (
+            memory, g = (
                 own_memory(self.law, self.shear_friction.memory, history),
                 np.asarray(E)[..., 3],
             )
-            moment = self.shear_friction.in_step(g, own, self._shear(g)[0])[1]
-            S[..., 3] += self.shear_friction.stress_of(own[0], g, moment)
+            moment = self.shear_friction.in_step(g, memory, self._shear(g)[0])[1]
+            S[..., 3] += self.shear_friction.stress_of(memory[0], g, moment)
         return S
 
     def initial_history(self, points: np.ndarray) -> np.ndarray:
@@ -701,11 +701,11 @@ class Fabric:
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
-        found = np.zeros(np.shape(E))
+        viscosities = np.zeros(np.shape(E))
         if self.viscous is not None:
             slowest = 1.0 if self.temperature is None else self.temperature.slowest
-            found[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
-        return found
+            viscosities[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
+        return viscosities
 
     def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
         """Return W^M without that of the compaction."""
@@ -867,13 +867,13 @@ class FabricCompaction(ExponentialCompaction):
 
     @property
     def coupling(self) -> Coupling | None:
-        """How the thickness knows the shear, None where it does not."""
+        """How the thickness depends on the shear, None where it does not."""
         if self.table:
             return self._pressure_table()
         return PowerCoupling(self.shear_coupling) if self.shear_coupling else None
 
     def _pressure_table(self) -> PressureTable:
-        return PressureTable([own.curve for own in self.table], self.c0, self.c1, self.c2)
+        return PressureTable([entry.curve for entry in self.table], self.c0, self.c1, self.c2)
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -981,7 +981,7 @@ class FabricMaterial(FabricTable):
         return self.compaction.coupling is not None
 
     def without_shear_coupling(self) -> Self:
-        """Return the fabric whose thickness does not know its shear, that of c0, c1, c2."""
+        """Return the fabric whose thickness does not depend on its shear, that of c0, c1, c2."""
         return self._with("compaction", shear_coupling=0.0, table=())
 
     def without_locking(self) -> Self:

@@ -1,16 +1,16 @@
 """Fabric that does not spring back all the way: hysteresis of compaction by a permanent set.
 
-A dry textile that was compacted keeps part of it: its fibres have slid and nested. Being compacted
-it obeys the law of :mod:`lcmchain.materials.fabric`; on the way back its strain is counted from a
-set, the share s of the largest compaction κ = min E33 so far,
+A dry textile that was compacted keeps part of the compaction: its fibres have slid and nested.
+While it is compacted it obeys the law of :mod:`lcmchain.materials.fabric`. On the way back its
+strain is counted from a set, the share s of the largest compaction κ = min E33 so far,
 
     S33 = C33(E') E',  E' = (E33 - s κ) / (1 - s)  for E33 < s κ,  E' = E33 - s κ  above,
 
 so that the curve starts where the loading has ended (E' = κ at E33 = κ) and reaches zero stress at
-the set. The stored energy is (1 - s) W33(E'), what is lost s W33(κ): together the work of the
+the set. The stored energy is (1 - s) W33(E'), the lost energy s W33(κ): together the work of the
 loading. One number is remembered, κ. The tangent is that of the way back also while κ grows, since
-small vibrations about a state go back and forth. Where the thickness knows its shear, all strains
-are those that the compaction law sees (:mod:`.features.shear_compaction`).
+small vibrations about a state go back and forth. Where the thickness depends on the shear, all
+strains are those that the compaction law sees (:mod:`.features.shear_compaction`).
 
 Source: the phenomenon, Robitaille and Gauvin, "Compaction of textile reinforcements for composites
 manufacturing. II", Polymer Composites 19 (1998). The form is the simplest one that dissipates and

@@ -4,19 +4,20 @@
 
 Ψ is the energy of the incompressible sheet in plane stress, a function of the eigenvalues c1, c2 of
 the right Cauchy-Green tensor C in the plane alone: the stretch over the thickness in it is
-1/(λ1 λ2). J² = C33 (C11 C22 - C12²) is the real change of volume, with the real thickness. A sheet
-that nothing presses on takes J = 1 and has the stress of the incompressible law exactly, whatever
-the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress is that
-of the incompressible law less p in all directions, as it should be: K has to be large beside the
-pressure and not beside the shear modulus μ, and may stay as low as the step likes it. The force on
-the thickness is linear in it with (J - 1)²: a thickness that vibrates under a stiffening force
-gains energy from central differences where its period is near three steps, and steps are that long
-where the thickness governs them.
+1/(λ1 λ2). J² = C33 (C11 C22 - C12²) is the real change of volume, with the real thickness.
 
-That fits a solid-shell with one point in the plane: its thickness is free in every element, so that
-J = 1 locks nothing. What varies along ζ sees the incompressible sheet in plane stress at rest. The
-terms that stabilise the element take a constant diagonal stiffness without K: they have a potential
-of their own, and no volume to lock.
+A sheet that nothing presses on takes J = 1 and has the stress of the incompressible law exactly,
+whatever the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress
+is that of the incompressible law less p in all directions, as it should be. So K has to be large
+beside the pressure, not beside the shear modulus μ, and may be low for the sake of the step. With
+(J - 1)² the force on the thickness is linear in the thickness. A thickness that vibrates under a
+stiffening force would gain energy from central differences where its period is near three steps,
+and steps are that long where the thickness governs them.
+
+This suits a solid-shell with one point in the plane: its thickness is free in every element, so
+that J = 1 locks nothing. Strains that vary along ζ see the incompressible sheet in plane stress at
+rest. The terms that stabilise the element take a constant diagonal stiffness without K: they have a
+potential of their own, and no volume to lock.
 
 Derivatives are taken over the mean m = (c1 + c2)/2 and half the difference r of the eigenvalues.
 All energies are even in r, so that every quotient by r below has a limit where both stretches are

@@ -1,27 +1,28 @@
 """What a material law gives to the elements, and how kernels find it.
 
 A law is a flat NamedTuple of its parameters, numbers or arrays [SI]: a parallel loop takes no
-nested tuples. The file of a law says how each function of the protocol below is computed, with the
-decorator ``implements``; a kernel that is compiled for a law calls that law's own functions, which
-are inlined. Nothing else in the program needs to know the law.
+nested tuples. The file of a law registers its answer to each function of the protocol below with
+the decorator ``implements``. A kernel that is compiled for a law calls that law's own functions,
+which are inlined. Nothing else in the program needs to know the law.
 
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
-Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
-moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, an
-``AlongFibres`` of moduli of directions in the plane, each of which may depend on its own strain,
-else a tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its
-shear answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
+Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness has one of four forms
+(:mod:`lcmchain.materials.stiffness`): a tuple of six moduli where it is diagonal, an
+``Orthotropic`` where it couples the normal strains alone, an ``AlongFibres`` of moduli of
+directions in the plane, each of which may depend on its own strain, else a tuple of six rows. A
+fabric whose thickness depends on its shear answers the diagonal, and the one modulus beside it by
+``tangent_coupling``.
 
-A law with memory lists in ``remembers`` the numbers that each element keeps, zero at first, any
-count of them. Kernels hand them to the law as a tuple, as they were after the last step. What the
+A law with memory lists in ``remembers`` the numbers that each element keeps, any count of them,
+zero at first. Kernels hand them to the law as a tuple, as they were after the last step. What the
 law answers for a strain holds for the end of a step that leads there; :func:`evolved_history` gives
-the numbers then. A law that says ``knows_step = True`` finds the :class:`Step` behind them, its
-size and its time as the last two numbers of the tuple. Where no step is made, as when energies are
-asked for, its size is 0: the law answers as if no time passed. What resists a rate is told by
-:func:`viscosity`, which bounds the step.
+the numbers then. A law that says ``knows_step = True`` finds the :class:`Step` behind them: its
+size and its time are the last two numbers of the tuple. Where no step is made, as when energies are
+asked for, its size is 0, and the law answers as if no time passed. :func:`viscosity` tells what
+resists a rate; it bounds the step.
 
-Beside the law stands a :class:`Material`: the law with the constants of a sheet, written in plain
-NumPy where the rest of the program asks the same questions, so that each checks the other.
+Beside the law stands a :class:`Material`: the law with the constants of a sheet, in plain NumPy,
+for the rest of the program. Both are written apart, so that each checks the other.
 """
 
 from __future__ import annotations
@@ -150,7 +151,7 @@ def own_memory(law: object, entries: Sequence[Remembered], history: np.ndarray) 
 
 
 def knows_step(law: object) -> bool:
-    """Tell whether the law finds the step behind what it remembers."""
+    """Tell whether a law finds the step behind the numbers that it remembers."""
     return bool(getattr(law, "knows_step", False))
 
 
@@ -275,8 +276,8 @@ def serves_planes(law: object) -> bool:
     return is_implemented(plane_response, type(law))
 
 
-# History of one lane, rows of LANES numbers apart. The compiler must know the length of a tuple:
-# a function is written for each count of numbers.
+# The history of one lane is spread over rows of LANES numbers. The compiler must know the length of
+# a tuple: a function is written for each count of numbers.
 
 
 @functools.cache
@@ -508,16 +509,16 @@ def takes_fibre_share(material: Material) -> bool:
 def fibre_angles(material: Material) -> tuple[float, ...]:
     """Return the angle [rad] of every family of fibres from the first axis of the ply.
 
-    A material that does not say has two, along both axes.
+    By default two families along both axes.
     """
     return getattr(material, "fibre_angles", (0.0, 0.5 * np.pi))
 
 
 def locking_angles(material: Material) -> tuple[float | None, ...]:
-    """Return the shear angle [rad] from which on every pair of families locks, None where it never.
+    """Return the shear angle [rad] beyond which each pair of families locks, None where none does.
 
-    In the order of the fields ``shear_angle``, ``shear_angle_23``, ``shear_angle_31``; a material
-    that does not say locks nowhere.
+    In the order of the fields ``shear_angle``, ``shear_angle_23``, ``shear_angle_31``. By default
+    no pair locks.
     """
     return getattr(material, "locking_angles", (None,))
 
@@ -533,7 +534,7 @@ def tells_fibres(material: Material) -> bool:
 
 
 def couples_shear(material: Material) -> bool:
-    """Tell whether the thickness of a material knows its shear."""
+    """Tell whether the thickness of a material depends on its shear."""
     return bool(getattr(material, "couples_shear", False))
 
 

@@ -2,22 +2,21 @@
 
 The moment per width M(κ) is linear between points, odd in κ, and goes on with its last slope. It
 is steepest at the start: fabric softens as its fibres begin to slide. The strain linear in the
-thickness is E^ζ = κ h with half the thickness h; the stress S^ζ = h f(κ) with f = 12 M/t0³,
-Eq. (19), has the moment M. It has a potential: what is bent back follows the curve again.
+thickness is E^ζ = κ h with half the thickness h. The stress S^ζ = h f(κ) with f = 12 M/t0³,
+Eq. (19), has the moment M. It has a potential: fabric that is bent back follows the curve again.
 
 As a sum of its kinks, with x = |κ|,
 
     |f| = B x - Σ_k d_k max(x - x_k, 0),   W = h² (B x² - Σ_k d_k max(x - x_k, 0)²)/2,
 
-where B is the slope at the start, x_k a point and d_k by how much the slope falls there. B stays
-the stiffness of the terms that are small beside (quadratic in the thickness, gradients of the
-curvature within an element) and the bound of the step.
+where B is the slope at the start, x_k a point, and d_k the fall of the slope there. B stays the
+stiffness of the small terms (quadratic in the thickness, gradients of the curvature within an
+element), and bounds the step.
 
 Source: moment over curvature of fabrics is no straight line: Kawabata's test and cantilevers at
 several lengths; Yu et al. 2021 find that a constant stiffness gives unrealistic wrinkles.
 
-A fabric with a curve is a class of its own with one more parameter (:func:`bent_class`): where a
-scene states none, its kernels hold none of this.
+A law of a fabric with a curve is a class of its own with one more parameter (:func:`bent_class`).
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from lcmchain.quantities.scene_model import SceneModel
 
 #: Points of a curve at most, the first at zero left out.
 KINKS = 16
-# A curve takes so many numbers: the slope at the start, the kinks, and how the slope falls there.
+# Numbers of a curve: the slope at the start, the kinks, and how much the slope falls at each.
 SIZE = 1 + 2 * KINKS
 
 

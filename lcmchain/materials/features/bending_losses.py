@@ -1,26 +1,26 @@
 """Bending of fibres that loses energy: friction between them, and what resists the rate.
 
-Beside the elastic moment per width of each fibre direction, linear or by a curve, stand
+To the elastic moment per width of each fibre direction, linear or by a curve, come three others,
 
-    M = M_el(κ) + M_f + η κ' + Σ_k M_k,   M_k' + M_k/l_k = G_k κ',
+    M = M_el(κ) + M_f + η κ' + Σ_k M_k,   M_k' + M_k/l_k = G_k κ':
 
-the moment M_f of Dahl's friction (:mod:`.rheology`), which comes to ±M_y within a
-curvature κ_f of the way back, a dashpot, and Maxwell elements (:mod:`.rheology`).
-The curvature κ = E^ζ/h of an element's centre at both ends of a step drives them: a rigid motion
-makes no moment. The stress is S^ζ = 12 h M/t0³, as that of a curve.
+the moment M_f of Dahl's friction, which comes to ±M_y within a curvature κ_f of the way back, that
+of a dashpot, and those of Maxwell elements (:mod:`.rheology`). They are driven by the curvature
+κ = E^ζ/h of an element's centre at both ends of a step: a rigid motion makes no moment. The stress
+is S^ζ = 12 h M/t0³, as that of a curve.
 
-Energies: elements store M_f² κ_f/(2 M_y) and M_k²/(2 G_k). What the friction takes does not know
-the time: it is ``inelastic``, as what a permanent set takes, and no friction against tools or
-plies. What the rates take is ``viscous``; their work counts by the mean of two steps, as that of
-the shear does.
+Energies: elements store M_f² κ_f/(2 M_y) and M_k²/(2 G_k). What the friction takes does not depend
+on time: it counts as ``inelastic``, as what a permanent set takes, not as friction against tools or
+plies. What the rates take is ``viscous``; their work is taken by the mean of two steps, as that of
+the shear.
 
-Stability: where the way turns round at its limit the friction is as stiff as 2 M_y/κ_f; it adds to
-the stiffness that bounds the step as that, Maxwell elements as springs, and the dashpot by its
-damping rate.
+Stability: at the limit the friction is as stiff as 2 M_y/κ_f where the curvature turns round; with
+that it adds to the stiffness that bounds the step. Maxwell elements add as springs, the dashpot by
+its damping rate.
 
 Source: friction of bent fabric is measured by Kawabata's test (half the width of the loop 2HB is
-M_y); see :mod:`.rheology` for its form. Viscoelastic bending of molten thermoplastic
-plies, Dörr, Henning, Kärger (2018).
+M_y); its form, see :mod:`.rheology`. Viscoelastic bending of molten thermoplastic plies: Dörr,
+Henning, Kärger (2018).
 
 A law of a fabric that loses so is a class of its own (:func:`losing_class`), with friction or
 without, and with as many Maxwell elements as stated.
@@ -108,16 +108,16 @@ class BendingLosses:
     @property
     def rubs(self) -> bool:
         """Whether there is friction along either direction."""
-        return any(own.friction is not None for own in self.directions)
+        return any(direction.friction is not None for direction in self.directions)
 
     @property
     def resists_rates(self) -> bool:
-        return any(own.resists_rates for own in self.directions)
+        return any(direction.resists_rates for direction in self.directions)
 
     @property
     def term_count(self) -> int:
         """How many Maxwell elements each direction keeps; some of them may have no modulus."""
-        return max(len(own.terms) for own in self.directions)
+        return max(len(direction.terms) for direction in self.directions)
 
     @property
     def memory(self) -> tuple[Remembered, ...]:
@@ -131,11 +131,13 @@ class BendingLosses:
 
     def glassy_moduli(self) -> np.ndarray:
         """Return by how much the moduli C11 and C22 of C^B grow for the bound of the step (2,)."""
-        return self.per_stiffness * np.array([own.glassy_stiffness for own in self.directions])
+        return self.per_stiffness * np.array(
+            [direction.glassy_stiffness for direction in self.directions]
+        )
 
     def viscosities(self) -> np.ndarray:
         """Return the viscosities (2,) [Pa s] of the strains E11 and E22 linear in ζ."""
-        return self.per_stiffness * np.array([own.viscosity for own in self.directions])
+        return self.per_stiffness * np.array([direction.viscosity for direction in self.directions])
 
     def in_step(
         self, curvature: Sequence[Values] | np.ndarray, memory: ArrayLike, size: float = 0.0
@@ -149,19 +151,19 @@ class BendingLosses:
         names = [entry.name for entry in self.memory]
         before = dict(zip(names, np.asarray(memory, dtype=float), strict=True))
         after = dict(before)
-        for number, (own, now) in enumerate(zip(self.directions, curvature, strict=True), 1):
+        for number, (direction, now) in enumerate(zip(self.directions, curvature, strict=True), 1):
             way = np.asarray(now) - before[f"curvature_before_{number}"]
             after[f"curvature_before_{number}"] = np.asarray(now)
-            if own.friction is not None:
+            if direction.friction is not None:
                 rubbed = before[f"bending_friction_moment_{number}"]
-                moment = own.friction.after(rubbed, way)
+                moment = direction.friction.after(rubbed, way)
                 after[f"bending_friction_moment_{number}"] = moment
-                lost = own.friction.lost(rubbed, moment, way) / self.thickness
+                lost = direction.friction.lost(rubbed, moment, way) / self.thickness
                 after["bending_friction_loss"] = after["bending_friction_loss"] + lost
             if self.resists_rates:
-                resisted = own.viscosity * way / size if size > 0.0 else np.zeros_like(way)
+                resisted = direction.viscosity * way / size if size > 0.0 else np.zeros_like(way)
                 more = 0.0
-                for k, term in enumerate(own.terms, 1):
+                for k, term in enumerate(direction.terms, 1):
                     name = f"relaxing_bending_moment_{number}_{k}"
                     after[name] = moment_after(before[name], term.modulus, term.time, way, size)
                     resisted = resisted + after[name]
@@ -275,52 +277,58 @@ class LosingLaw(Protocol):
     bending_resists_rates: bool
 
 
-def _places(own: type[LosingLaw]) -> dict[str, int]:
-    return {entry.name: i for i, entry in enumerate(own.bending_memory)}
+def _places(law_class: type[LosingLaw]) -> dict[str, int]:
+    return {entry.name: i for i, entry in enumerate(law_class.bending_memory)}
 
 
 def _tuple(terms: list[str]) -> str:
     return f"({''.join(f'{term}, ' for term in terms)})"
 
 
-def _of(own: type[LosingLaw], direction: int | None, *, of_rate: bool) -> list[tuple[int, Element]]:
+def _of(
+    law_class: type[LosingLaw], direction: int | None, *, of_rate: bool
+) -> list[tuple[int, Element]]:
     """Return the elements of a direction with their numbers."""
     return [
         (number, element)
-        for number, element in enumerate(own.bending_elements)
+        for number, element in enumerate(law_class.bending_elements)
         if element.of_rate == of_rate and direction in (element.direction, None)
     ]
 
 
-def _own_text(own: type[LosingLaw]) -> str:
-    first = place_in_memory(own, own.bending_memory[0])
-    places = [*range(first, first + len(own.bending_memory))]
-    if own.bending_resists_rates:
-        places.append(history_count(own))
+def _own_text(law_class: type[LosingLaw]) -> str:
+    first = place_in_memory(law_class, law_class.bending_memory[0])
+    places = [*range(first, first + len(law_class.bending_memory))]
+    if law_class.bending_resists_rates:
+        places.append(history_count(law_class))
     return "lambda law, history: " + _tuple([f"history[{k}]" for k in places])
 
 
 @unrolled(_own_text)
-def own_numbers(law, history):
+def past_numbers(law, history):
     """Return what the law remembers of its bending, and the size of the step if it counts."""
 
 
-def _moments_text(own: type[LosingLaw]) -> str:
+def _moments_text(law_class: type[LosingLaw]) -> str:
     terms = []
-    for element in own.bending_elements:
-        call, passed = ("maxwell_moment", ", own[-1]") if element.of_rate else ("dahl_moment", "")
+    for element in law_class.bending_elements:
+        call, passed = ("maxwell_moment", ", past[-1]") if element.of_rate else ("dahl_moment", "")
         parameters = f"law.{element.modulus}, law.{element.length}"
-        terms.append(f"{call}(own[{element.place}], {parameters}, way_{element.direction}{passed})")
-    return "lambda law, own, way_1, way_2: " + _tuple(terms)
+        terms.append(
+            f"{call}(past[{element.place}], {parameters}, way_{element.direction}{passed})"
+        )
+    return "lambda law, past, way_1, way_2: " + _tuple(terms)
 
 
 @unrolled(_moments_text, maxwell_moment=maxwell_moment, dahl_moment=dahl_moment)
-def moments_after(law, own, way_1, way_2):
+def moments_after(law, past, way_1, way_2):
     """Return the moments of all elements after a step that bends by two curvatures."""
 
 
-def _friction_text(own: type[LosingLaw]) -> str:
-    sums = [sum_text([f"moments[{k}]" for k, _ in _of(own, d, of_rate=False)]) for d in DIRECTIONS]
+def _friction_text(law_class: type[LosingLaw]) -> str:
+    sums = [
+        sum_text([f"moments[{k}]" for k, _ in _of(law_class, d, of_rate=False)]) for d in DIRECTIONS
+    ]
     return "lambda law, moments: " + _tuple(sums)
 
 
@@ -329,79 +337,82 @@ def friction_moments(law, moments):
     """Return the moments of the friction of both directions."""
 
 
-def _rate_text(own: type[LosingLaw]) -> str:
+def _rate_text(law_class: type[LosingLaw]) -> str:
     sums = ["0.0", "0.0"]
-    if own.bending_resists_rates:
+    if law_class.bending_resists_rates:
         sums = [
             sum_text(
-                [f"dashpot_moment(law.bending_viscosity_{d}, way_{d}, own[-1])"]
-                + [f"moments[{k}]" for k, _ in _of(own, d, of_rate=True)]
+                [f"dashpot_moment(law.bending_viscosity_{d}, way_{d}, past[-1])"]
+                + [f"moments[{k}]" for k, _ in _of(law_class, d, of_rate=True)]
             )
             for d in DIRECTIONS
         ]
-    return "lambda law, own, moments, way_1, way_2: " + _tuple(sums)
+    return "lambda law, past, moments, way_1, way_2: " + _tuple(sums)
 
 
 @unrolled(_rate_text, dashpot_moment=dashpot_moment)
-def rate_moments(law, own, moments, way_1, way_2):
+def rate_moments(law, past, moments, way_1, way_2):
     """Return the moments that depend on the rate of both directions."""
 
 
-def _friction_loss_text(own: type[LosingLaw]) -> str:
+def _friction_loss_text(law_class: type[LosingLaw]) -> str:
     terms = [
-        f"dahl_loss(own[{e.place}], moments[{k}], law.{e.modulus}, law.{e.length}, "
+        f"dahl_loss(past[{e.place}], moments[{k}], law.{e.modulus}, law.{e.length}, "
         f"way_{e.direction})"
-        for k, e in _of(own, None, of_rate=False)
+        for k, e in _of(law_class, None, of_rate=False)
     ]
-    return "lambda law, own, moments, way_1, way_2: " + sum_text(terms)
+    return "lambda law, past, moments, way_1, way_2: " + sum_text(terms)
 
 
 @unrolled(_friction_loss_text, dahl_loss=dahl_loss)
-def friction_loss(law, own, moments, way_1, way_2):
+def friction_loss(law, past, moments, way_1, way_2):
     """Return what the friction takes in a step, per area."""
 
 
-def _rate_loss_text(own: type[LosingLaw]) -> str:
-    places, terms = _places(own), []
-    if own.bending_resists_rates:
+def _rate_loss_text(law_class: type[LosingLaw]) -> str:
+    places, terms = _places(law_class), []
+    if law_class.bending_resists_rates:
         terms = [
-            f"0.5 * (own[{places[f'viscous_bending_moment_{d}']}] + rates[{d - 1}]) * way_{d}"
+            f"0.5 * (past[{places[f'viscous_bending_moment_{d}']}] + rates[{d - 1}]) * way_{d}"
             for d in DIRECTIONS
         ]
         terms += [
-            f"(stored_by(own[{e.place}], law.{e.modulus})"
+            f"(stored_by(past[{e.place}], law.{e.modulus})"
             f" - stored_by(moments[{k}], law.{e.modulus}))"
-            for k, e in _of(own, None, of_rate=True)
+            for k, e in _of(law_class, None, of_rate=True)
         ]
-    return "lambda law, own, moments, rates, way_1, way_2: " + sum_text(terms)
+    return "lambda law, past, moments, rates, way_1, way_2: " + sum_text(terms)
 
 
 @unrolled(_rate_loss_text, stored_by=stored_by)
-def rate_loss(law, own, moments, rates, way_1, way_2):
+def rate_loss(law, past, moments, rates, way_1, way_2):
     """Return what the rates take in a step, per area: the work less what is stored more."""
 
 
-def _packed_text(own: type[LosingLaw]) -> str:
+def _packed_text(law_class: type[LosingLaw]) -> str:
     given = {f"curvature_before_{d}": f"curvature_{d}" for d in DIRECTIONS}
     given |= {f"viscous_bending_moment_{d}": f"rates[{d - 1}]" for d in DIRECTIONS}
     for name, lost in (("bending_friction_loss", "rubbed"), ("viscous_bending_loss", "resisted")):
-        if name in (places := _places(own)):
-            given[name] = f"own[{places[name]}] + {lost} * law.per_bending_thickness"
-    moments = {element.place: f"moments[{k}]" for k, element in enumerate(own.bending_elements)}
-    terms = [given.get(e.name, moments.get(i, "")) for i, e in enumerate(own.bending_memory)]
-    arguments = "law, own, curvature_1, curvature_2, moments, rates, rubbed, resisted"
+        if name in (places := _places(law_class)):
+            given[name] = f"past[{places[name]}] + {lost} * law.per_bending_thickness"
+    moments = {
+        element.place: f"moments[{k}]" for k, element in enumerate(law_class.bending_elements)
+    }
+    terms = [given.get(e.name, moments.get(i, "")) for i, e in enumerate(law_class.bending_memory)]
+    arguments = "law, past, curvature_1, curvature_2, moments, rates, rubbed, resisted"
     return f"lambda {arguments}: " + _tuple(terms)
 
 
 @unrolled(_packed_text)
-def packed_memory(law, own, curvature_1, curvature_2, moments, rates, rubbed, resisted):
+def packed_memory(law, past, curvature_1, curvature_2, moments, rates, rubbed, resisted):
     """Return what the law remembers of its bending, in its order."""
 
 
-def _stored_text(own: type[LosingLaw]) -> str:
-    first = place_in_memory(own, own.bending_memory[0])
+def _stored_text(law_class: type[LosingLaw]) -> str:
+    first = place_in_memory(law_class, law_class.bending_memory[0])
     terms = [
-        f"stored_by(history[{first + e.place}], law.{e.modulus})" for e in own.bending_elements
+        f"stored_by(history[{first + e.place}], law.{e.modulus})"
+        for e in law_class.bending_elements
     ]
     return "lambda law, history: " + sum_text(terms)
 
@@ -411,11 +422,13 @@ def stored_per_area(law, history):
     """Return what the elements of a history store, per area."""
 
 
-def _glassy_text(own: type[LosingLaw]) -> str:
+def _glassy_text(law_class: type[LosingLaw]) -> str:
     sums = []
     for d in DIRECTIONS:
-        stiff = [f"2.0 * law.{e.modulus}" for _, e in _of(own, d, of_rate=False)]
-        sums.append(sum_text(stiff + [f"law.{e.modulus}" for _, e in _of(own, d, of_rate=True)]))
+        stiff = [f"2.0 * law.{e.modulus}" for _, e in _of(law_class, d, of_rate=False)]
+        sums.append(
+            sum_text(stiff + [f"law.{e.modulus}" for _, e in _of(law_class, d, of_rate=True)])
+        )
     return "lambda law: " + _tuple(sums)
 
 
@@ -424,8 +437,8 @@ def glassy_stiffnesses(law):
     """Return the stiffnesses of the elements of both directions at most."""
 
 
-def _viscosity_text(own: type[LosingLaw]) -> str:
-    if not own.bending_resists_rates:
+def _viscosity_text(law_class: type[LosingLaw]) -> str:
+    if not law_class.bending_resists_rates:
         return "lambda law: None"
     terms = [f"law.bending_viscosity_{d} * law.bending_scale" for d in DIRECTIONS]
     return "lambda law: " + _tuple(terms)
@@ -438,10 +451,10 @@ def dashpots(law):
 
 @equation
 def lossy_stress(law, S, E, inverse_height, history):
-    own = own_numbers(law, history)
-    way_1, way_2 = E[0] * inverse_height - own[0], E[1] * inverse_height - own[1]
-    moments = moments_after(law, own, way_1, way_2)
-    rubbed, rates = friction_moments(law, moments), rate_moments(law, own, moments, way_1, way_2)
+    past = past_numbers(law, history)
+    way_1, way_2 = E[0] * inverse_height - past[0], E[1] * inverse_height - past[1]
+    moments = moments_after(law, past, way_1, way_2)
+    rubbed, rates = friction_moments(law, moments), rate_moments(law, past, moments, way_1, way_2)
     scale = law.bending_scale / inverse_height
     S11, S22 = S[0] + scale * (rubbed[0] + rates[0]), S[1] + scale * (rubbed[1] + rates[1])
     return (S11, S22, S[2], S[3], S[4], S[5])
@@ -449,14 +462,14 @@ def lossy_stress(law, S, E, inverse_height, history):
 
 @equation
 def lossy_memory(law, E, inverse_height, history):
-    own = own_numbers(law, history)
+    past = past_numbers(law, history)
     curvature_1, curvature_2 = E[0] * inverse_height, E[1] * inverse_height
-    way_1, way_2 = curvature_1 - own[0], curvature_2 - own[1]
-    moments = moments_after(law, own, way_1, way_2)
-    rates = rate_moments(law, own, moments, way_1, way_2)
-    rubbed = friction_loss(law, own, moments, way_1, way_2)
-    resisted = rate_loss(law, own, moments, rates, way_1, way_2)
-    return packed_memory(law, own, curvature_1, curvature_2, moments, rates, rubbed, resisted)
+    way_1, way_2 = curvature_1 - past[0], curvature_2 - past[1]
+    moments = moments_after(law, past, way_1, way_2)
+    rates = rate_moments(law, past, moments, way_1, way_2)
+    rubbed = friction_loss(law, past, moments, way_1, way_2)
+    resisted = rate_loss(law, past, moments, rates, way_1, way_2)
+    return packed_memory(law, past, curvature_1, curvature_2, moments, rates, rubbed, resisted)
 
 
 @equation
@@ -526,13 +539,13 @@ def with_losses(law: tuple[float, ...], losses: BendingLosses | None) -> Any:
         "bending_scale": losses.per_stiffness,
         "per_bending_thickness": 1.0 / losses.thickness,
     }
-    for d, own in zip(DIRECTIONS, losses.directions, strict=True):
-        friction = own.friction
+    for d, direction in zip(DIRECTIONS, losses.directions, strict=True):
+        friction = direction.friction
         numbers[f"friction_stiffness_{d}"] = 0.0 if friction is None else friction.modulus
         numbers[f"friction_curvature_{d}"] = 1.0 if friction is None else friction.length
-        numbers[f"bending_viscosity_{d}"] = own.viscosity
-        missing = losses.term_count - len(own.terms)
-        for k, term in enumerate((*own.terms, *[Relaxation(0.0, 1.0)] * missing), 1):
+        numbers[f"bending_viscosity_{d}"] = direction.viscosity
+        missing = losses.term_count - len(direction.terms)
+        for k, term in enumerate((*direction.terms, *[Relaxation(0.0, 1.0)] * missing), 1):
             numbers[f"relaxing_stiffness_{d}_{k}"] = term.modulus
             numbers[f"bending_time_{d}_{k}"] = term.time
     twin = losing_class(type(law), losses)

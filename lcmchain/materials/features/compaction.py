@@ -1,9 +1,8 @@
 """Compaction of a fabric, C33 = c0 exp(c1 |E33|^c2): stiffening under pressure, or not.
 
 Source: Schäfer, Mitsch, Kärger, Eq. (23). The law costs an exponential and a logarithm per element
-and step. Where a fabric states no growth (c1 = 0) its C33 stays that of the undeformed fabric: such
-a law is a class of its own with the same parameters (:func:`linear_class`), and its kernels hold
-neither.
+and step. A fabric that states no growth (c1 = 0) keeps the C33 of the undeformed fabric. Its law is
+a class of its own with the same parameters (:func:`linear_class`), and its kernels hold neither.
 """
 
 from __future__ import annotations

@@ -1,29 +1,28 @@
 """Compaction of sheared fabric by a table: pressure over thickness at several shear angles.
 
-The energy of compaction W33 of :mod:`.compaction` is taken at a strain ε that is
-a map of thickness and shear,
+The energy of compaction W33 of :mod:`.compaction` is taken at a strain ε that is a map of thickness
+and shear,
 
     W = W33(ε),  ε = f(x, s),  1 + 2 x = (1 + 2 E33) e^-L(s),  s = -ln cos² γ,  sin γ = 2 E12,
 
-where x is the strain that is counted from the thickness e^(L/2) without pressure. One potential
-gives pressure, shear stress and all tangents. A table made from the exponent β has f = x and
-L = β s: the map is all that a fabric has beside it, smooth where pressures run through decades, so
-that few numbers hold it,
+where the strain x is counted from the thickness e^(L/2) without pressure. One potential gives
+pressure, shear stress and all tangents. A table made from the exponent β has f = x and L = β s. The
+map is smooth where pressures run through decades, so that few numbers hold it,
 
     f = A(s) x + Σ_k d_k(s) max(y - k, 0)³,  y = -x / Δ.
 
-d_k are second differences of the values b_j of the second derivative of f at y = j, which is
-straight between: f has two continuous derivatives, is straight in a fabric that is thicker than
-free, and again one interval beyond the deepest point of the table. At every angle of the table A
-and b are those of the least b that meets its pressures. Between angles L, A and b are polynomials
-of s through them. Beyond the last angle the free thickness goes on as a power of cos γ, A and b
-soon stay; beyond 84 degrees nothing follows the shear further, as with β.
+The second derivative of f is linear between its values b_j at y = j, and d_k are the second
+differences of these. So f has two continuous derivatives. It is linear where the fabric is thicker
+than free, and from one interval beyond the deepest point of the table on. At every angle of the
+table A and b are those with the smallest b that meets its pressures. Between the angles L, A and b
+are polynomials of s through these values. Beyond the last angle the free thickness goes on as a
+power of cos γ, while A and b soon become constant. Beyond 84 degrees nothing follows the shear any
+further, as with β.
 
-Source: the form is our own; the potential that is counted from the free thickness is that of
-:mod:`.shear_compaction`.
+Source: own form, with the potential of :mod:`.shear_compaction`.
 
-A fabric with a table is a class of its own with one more parameter (:func:`tabled_class`): where a
-scene states none, its kernels hold none of this.
+A law of a fabric with a table is a class of its own with one more parameter
+(:func:`tabled_class`).
 """
 
 from __future__ import annotations
@@ -104,9 +103,9 @@ class PressureTable:
         for deepest, where in ((self.deepest, "between points"), (0.48, "beyond the points")):
             x = -np.linspace(0.0, deepest, 97)[1:]
             with np.errstate(over="ignore", invalid="ignore"):
-                own = self._map_of(x, s)
-                S, C = compaction_of(*self._law, own.f)
-                rises = (own.x > 0.0) & (C * own.x**2 + S * own.xx > 0.0)
+                f = self._map_of(x, s)
+                S, C = compaction_of(*self._law, f.f)
+                rises = (f.x > 0.0) & (C * f.x**2 + S * f.xx > 0.0)
             if not rises.all():
                 row, column = map(int, np.argwhere(~rises)[0])
                 stretch = math.sqrt(1.0 + 2.0 * x[column])
@@ -163,8 +162,10 @@ class PressureTable:
             missed = float(np.abs(off).max())
             J = (C / S)[:, None] * basis + slopes / rate[:, None]
             system[count:, :count], system[:count, count:] = J, J.T
-            found = np.linalg.solve(system, np.concatenate([np.zeros(count), J @ z - off]))[:count]
-            step = found - z
+            solution = np.linalg.solve(system, np.concatenate([np.zeros(count), J @ z - off]))[
+                :count
+            ]
+            step = solution - z
             part = 1.0
             while np.any(slopes @ (z + part * step) <= 0.0):
                 part *= 0.5
@@ -220,8 +221,8 @@ class PressureTable:
         polynomials = self.numbers[FUNCTIONS:].reshape(-1, MOST_ANGLES).T
         for _ in range(order):
             polynomials = _derivative(polynomials)
-        found: np.ndarray = np.moveaxis(np.polynomial.polynomial.polyval(r, polynomials), 0, -1)
-        return found
+        values: np.ndarray = np.moveaxis(np.polynomial.polynomial.polyval(r, polynomials), 0, -1)
+        return values
 
     def _map_of(self, x: np.ndarray, s: np.ndarray) -> _Map:
         """Return f and its derivatives at strains x and s, which broadcast."""
@@ -286,9 +287,9 @@ class PressureTable:
         self, unsheared: Callable[[np.ndarray], np.ndarray], stretch: np.ndarray, g: ArrayLike
     ) -> np.ndarray:
         """Return the pressure of plates [Pa] on the area at the start."""
-        own = self.at(0.5 * (stretch**2 - 1.0), g)
-        seen = np.sqrt(1.0 + 2.0 * own.strain)
-        return stretch * own.E * unsheared(seen) / seen
+        strain_map = self.at(0.5 * (stretch**2 - 1.0), g)
+        seen = np.sqrt(1.0 + 2.0 * strain_map.strain)
+        return stretch * strain_map.E * unsheared(seen) / seen
 
     def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the table."""
@@ -296,8 +297,8 @@ class PressureTable:
 
     def beyond(self, stretch: ArrayLike, g: ArrayLike) -> np.ndarray:
         """Tell where thickness stretches are below the deepest point of the table."""
-        own = (np.asarray(stretch) / self.free_stretch(g)) ** 2
-        deeper: np.ndarray = 0.5 * (1.0 - own) > self.deepest * (1.0 + 1e-9)
+        squared = (np.asarray(stretch) / self.free_stretch(g)) ** 2
+        deeper: np.ndarray = 0.5 * (1.0 - squared) > self.deepest * (1.0 + 1e-9)
         return deeper
 
     def in_words(self) -> str:

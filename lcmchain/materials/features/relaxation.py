@@ -1,12 +1,13 @@
 """Compaction that relaxes: the pressure on a held gap falls, a gap under a held pressure closes on.
 
-To the stress S of the compaction law at the strain ε that it sees come the stresses of Maxwell
-elements beside it, each a share r of the law in series with a dashpot of relaxation time l,
+Maxwell elements stand beside the compaction law, each a share r of the law in series with a dashpot
+of the relaxation time l. To the stress S of the law at the strain ε that it sees come their
+stresses,
 
     h_k' + h_k/l_k = r_k S',
 
 so that a gap that is closed at once and held bears S (1 + Σ r_k exp(-t/l_k)): of every pressure,
-small or large, the same part relaxes. A step takes the elements on exactly at a constant rate of S.
+small or large, the same part relaxes. A step is exact at a constant rate of S.
 
 The spring of an element follows the compaction law itself: h = r (S(ε) - S(ε_v)) with the strain
 ε_v of its dashpot, and stores
@@ -127,8 +128,9 @@ class CompactionRelaxation:
         total = np.zeros(np.shape(strain))
         for term, h in zip(self.terms, stresses, strict=True):
             dashpot = stress - h / term.modulus
-            own = strain_at(dashpot, law)
-            total += term.modulus * (energy(strain) - energy(own) - dashpot * (strain - own))
+            reached = strain_at(dashpot, law)
+            stored = energy(strain) - energy(reached) - dashpot * (strain - reached)
+            total += term.modulus * stored
         return total
 
 
@@ -179,15 +181,15 @@ class RelaxingLaw(Protocol):
 
 def _numbers(law_class: type[RelaxingLaw]) -> str:
     """Return the text of what a law remembers of its relaxation, and the size of the step."""
-    own = range(len(OWN_MEMORY) + law_class.relaxing_count)
-    return "".join(f"history[{k}], " for k in (*own, history_count(law_class)))
+    places = range(len(OWN_MEMORY) + law_class.relaxing_count)
+    return "".join(f"history[{k}], " for k in (*places, history_count(law_class)))
 
 
-@unrolled(lambda own: f"lambda law, history: ({_numbers(own)})")
-def own_numbers(law, history):
+@unrolled(lambda law_class: f"lambda law, history: ({_numbers(law_class)})")
+def past_numbers(law, history):
     """Return strain, stress and work of the step before, the stresses, and the size of the step."""
-    own = len(OWN_MEMORY) + type(law).relaxing_count
-    return (*history[:own], history[history_count(law)])
+    count = len(OWN_MEMORY) + type(law).relaxing_count
+    return (*history[:count], history[history_count(law)])
 
 
 def _elements(law_class: type[RelaxingLaw], term: str) -> list[str]:
@@ -195,19 +197,19 @@ def _elements(law_class: type[RelaxingLaw], term: str) -> list[str]:
     return [term.format(k=k + 1, place=len(OWN_MEMORY) + k) for k in numbers]
 
 
-_AFTER = "maxwell_moment(own[{place}], law.share_{k}, law.compaction_time_{k}, change, size), "
+_AFTER = "maxwell_moment(past[{place}], law.share_{k}, law.compaction_time_{k}, change, size), "
 
 
 @unrolled(
-    lambda own: f"lambda law, own, change, size: ({''.join(_elements(own, _AFTER))})",
+    lambda law_class: f"lambda law, past, change, size: ({''.join(_elements(law_class, _AFTER))})",
     maxwell_moment=maxwell_moment,
 )
-def stresses_after(law, own, change, size):
+def stresses_after(law, past, change, size):
     """Return the stresses of the elements after a step that changes that of the law."""
     numbers = range(1, type(law).relaxing_count + 1)
     return tuple(
         maxwell_moment(
-            own[len(OWN_MEMORY) + k - 1],
+            past[len(OWN_MEMORY) + k - 1],
             getattr(law, f"share_{k}"),
             getattr(law, f"compaction_time_{k}"),
             change,
@@ -217,21 +219,22 @@ def stresses_after(law, own, change, size):
     )
 
 
-@unrolled(lambda own: f"lambda law, own: {sum_text(_elements(own, 'own[{place}]'))}")
-def sum_before(law, own):
+@unrolled(lambda law_class: f"lambda law, past: {sum_text(_elements(law_class, 'past[{place}]'))}")
+def sum_before(law, past):
     """Return the stress of all elements before the step."""
-    return sum(own[len(OWN_MEMORY) : -1])
+    return sum(past[len(OWN_MEMORY) : -1])
 
 
-@unrolled(lambda own: f"lambda law: {sum_text(_elements(own, 'law.share_{k}'))}")
+@unrolled(lambda law_class: f"lambda law: {sum_text(_elements(law_class, 'law.share_{k}'))}")
 def share_at_once(law):
     """Return the share of the law that all elements have together."""
     return sum(getattr(law, f"share_{k + 1}") for k in range(type(law).relaxing_count))
 
 
 @unrolled(
-    lambda own: (
-        "lambda law, stresses: " + sum_text([f"stresses[{k}]" for k in range(own.relaxing_count)])
+    lambda law_class: (
+        "lambda law, stresses: "
+        + sum_text([f"stresses[{k}]" for k in range(law_class.relaxing_count)])
     )
 )
 def sum_after(law, stresses):
@@ -241,20 +244,20 @@ def sum_after(law, stresses):
 
 @equation
 def relaxing_stress(law, S33, C33, strain, history):
-    own = own_numbers(law, history)
-    size = elapsed(law, history, own[-1])
-    stresses = stresses_after(law, own, S33 - own[1], size)
+    past = past_numbers(law, history)
+    size = elapsed(law, history, past[-1])
+    stresses = stresses_after(law, past, S33 - past[1], size)
     return S33 + sum_after(law, stresses), C33 * (1.0 + share_at_once(law))
 
 
 @equation
 def relaxing_memory(law, E, history):
-    own = own_numbers(law, history)
+    past = past_numbers(law, history)
     strain = strain_of(thickening(law, E[2], E[3]), E[2])
     S33 = compaction_stress_and_tangent(law, strain)[0]
-    stresses = stresses_after(law, own, S33 - own[1], elapsed(law, history, own[-1]))
-    mean = 0.5 * (sum_before(law, own) + sum_after(law, stresses))
-    work = own[2] + mean * (strain - own[0])
+    stresses = stresses_after(law, past, S33 - past[1], elapsed(law, history, past[-1]))
+    mean = 0.5 * (sum_before(law, past) + sum_after(law, stresses))
+    work = past[2] + mean * (strain - past[0])
     return (strain, S33, work, *stresses)
 
 

@@ -1,14 +1,14 @@
 """Shear-compaction coupling: how the thickness that a fabric would take grows as it is sheared.
 
-The energy of compaction W33 of :mod:`.compaction` is taken at the strain E' of a
-thickness that is measured from the one that the sheared fabric takes without pressure,
+The energy of compaction W33 of :mod:`.compaction` is taken at a strain E'. It is counted from the
+thickness that the sheared fabric takes without pressure,
 
     1 + 2 E' = (1 + 2 E33) a,  a = (1 - g²)^β,  g = 2 E12 = sin γ,
 
 for fibres that keep their length: E' belongs to the stretch λ cos^β γ. Without pressure the fabric
-then thickens as cos^-β γ. β = 0 is a fabric whose thickness does not know its shear. β = 1 keeps
-the fibre volume fraction: what presses on the present area is the unsheared law at the same fibre
-volume fraction. One potential gives all that follows,
+then thickens as cos^-β γ. With β = 0 the thickness does not depend on the shear. β = 1 keeps the
+fibre volume fraction: the pressure on the present area is that of the unsheared law at the same
+fibre volume fraction. One potential gives all that follows,
 
     S33 = a S,  S12 = -τ m S,  with S = dW33/dE', m = 1 + 2 E', τ = β g / (1 - g²),
 
@@ -26,8 +26,8 @@ of the map: as large, without the second derivatives of ε.
 Source: the fibre volume fraction as what governs the compaction of sheared fabric, Schäfer, Mitsch,
 Kärger, references 87 and 88; the form is the simplest potential with both limits (manual: theory).
 
-A fabric with the coupling is a class of its own with one more parameter (:func:`coupled_class`):
-where a scene states none, its kernels hold none of this.
+A law of a fabric with the coupling is a class of its own with one more parameter
+(:func:`coupled_class`).
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ _coupled_classes: dict[type, type] = {}
 
 
 def coupled_class(law_class: type) -> Any:
-    """Return the twin of a class of laws whose thickness knows its shear, see :func:`.twin_of`."""
+    """Return the twin of a class of laws whose thickness depends on its shear."""
     twin = twin_of(
         law_class,
         "Coupled",
@@ -231,7 +231,7 @@ def coupled_class(law_class: type) -> Any:
 
 
 class Coupling(Protocol):
-    """How the thickness of a fabric knows its shear, in NumPy."""
+    """How the thickness of a fabric depends on its shear, in NumPy."""
 
     def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the coupling."""
@@ -293,7 +293,7 @@ class PowerCoupling:
 
 
 def coupling_of(material: Material) -> Coupling | None:
-    """Return how the thickness of a material knows its shear, None for one that does not."""
+    """Return how the thickness of a material depends on its shear, None where it does not."""
     return getattr(material, "coupling", None)
 
 

@@ -1,22 +1,20 @@
-"""Friction in the shear of a fabric: yarns that turn on each other at their crossings.
+"""Friction in the shear of a fabric: yarns rub where they turn on each other at their crossings.
 
-Fabric that was sheared does not come back the way it went. Loops of picture frames and of
-Kawabata's shear test are open from the first degree on, in every cycle, and to both sides; they
-are wider where the yarns are pressed on each other more, at larger angles. To the stress of the
-fabric's own law comes, with the moment T per volume between the fibres as in
-:mod:`.viscous_shear`,
+Sheared fabric does not come back the way it went. Loops of picture frames and of Kawabata's shear
+test are open from the first degree on, in every cycle and to both sides. They are wider at larger
+angles, where the yarns are pressed on each other more. To the stress of the fabric's own law comes,
+with the moment T per volume between the fibres as in :mod:`.viscous_shear`,
 
     S12 += T / cos γ,   dT = G dγ - G T/T_y |dγ|,   T_y = T_0 + c |T_el(γ)|,   G = T_0/γ_f,
 
-Dahl's friction (:mod:`.rheology`), whose limit grows with the moment
-T_el = S12 cos γ of the elastic part, free of pressure. Where the fabric is sheared on it bears
-T_el + T_y, on the way back T_el - T_y: the elastic part is the mean of both branches of a loop. The
-set of a law that counts its strain from the largest angle (as ``fabric-with-set`` does in
-compaction) closes after the first cycle and never takes a force to bring the fabric back, as tests
-do; that is why it is not taken here.
+Dahl's friction (:mod:`.rheology`). Its limit grows with the moment T_el = S12 cos γ of the elastic
+part, free of pressure. Sheared on, the fabric bears T_el + T_y, on the way back T_el - T_y: the
+elastic part is the mean of both branches of a loop. A permanent set that counts the strain from the
+largest angle, as ``fabric-with-set`` does in compaction, would close after the first cycle and
+never take a force to bring the fabric back, as tests do. So it is not used here.
 
-The limit is that at the end of a step; with it the step is exact, and none makes T larger than the
-largest limit. Energies as in :mod:`.rheology`, lost ones ``inelastic``.
+A step takes the limit at its end. With it the step is exact, and no step makes T larger than the
+largest limit. Energies as in :mod:`.rheology`; lost ones are ``inelastic``.
 
 Source: hysteresis "determined wholly by the frictional restraints arising in the rotation of the
 yarns", in proportion to the rigidity from fabric to fabric (2HG and 2HG5 over G): Lo and Hu,
@@ -127,37 +125,37 @@ def evolved_shear_friction(law, g, elastic, history):
     return ()
 
 
-def _own_text(own: type) -> str:
-    first = place_in_memory(own, MEMORY[0])
+def _own_text(law_class: type) -> str:
+    first = place_in_memory(law_class, MEMORY[0])
     return f"lambda law, history: (history[{first}], history[{first + 1}], history[{first + 2}])"
 
 
 @unrolled(_own_text)
-def own_numbers(law, history):
+def past_numbers(law, history):
     """Return shear strain, moment and loss of the step before."""
 
 
 @equation
-def rubbed(law, own, g, elastic):
+def rubbed(law, past, g, elastic):
     """Return the moment after a step, the length of its friction, the turn, and 1/cos γ."""
-    secant = secant_of(0.5 * (g + own[0]))
-    turn = secant * (g - own[0])
+    secant = secant_of(0.5 * (g + past[0]))
+    turn = secant * (g - past[0])
     limit = law.friction_stress + law.friction_growth * abs(elastic) / secant_of(g)
     length = limit / law.friction_modulus
-    return dahl_moment(own[1], law.friction_modulus, length, turn), length, turn, secant
+    return dahl_moment(past[1], law.friction_modulus, length, turn), length, turn, secant
 
 
 @equation
 def shear_with_friction(law, S12, C12, g, elastic, history):
-    moment, _, _, secant = rubbed(law, own_numbers(law, history), g, elastic)
+    moment, _, _, secant = rubbed(law, past_numbers(law, history), g, elastic)
     return S12 + secant * moment, C12 + 2.0 * secant * secant * law.friction_modulus
 
 
 @equation
 def shear_friction_memory(law, g, elastic, history):
-    own = own_numbers(law, history)
-    moment, length, turn, _ = rubbed(law, own, g, elastic)
-    return (g, moment, own[2] + dahl_loss(own[1], moment, law.friction_modulus, length, turn))
+    past = past_numbers(law, history)
+    moment, length, turn, _ = rubbed(law, past, g, elastic)
+    return (g, moment, past[2] + dahl_loss(past[1], moment, law.friction_modulus, length, turn))
 
 
 # --- laws -----------------------------------------------------------------------------------------

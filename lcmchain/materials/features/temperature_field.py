@@ -115,7 +115,9 @@ def time_factor(law, history):
     return 1.0
 
 
-@unrolled(lambda own: f"lambda law, history: history[{place_in_memory(own, RATE_FACTOR)}]")
+@unrolled(
+    lambda law_class: f"lambda law, history: history[{place_in_memory(law_class, RATE_FACTOR)}]"
+)
 def rate_factor_of(law, history):
     """Return the rate factor of the element."""
 

@@ -6,16 +6,16 @@ the stress of the fabric's own law comes, with the moment T per reference volume
     S12 += T / cos γ,   T = η γ' + Σ_k T_k,   T_k' + T_k / l_k = G_k γ',
 
 a dashpot η (Kelvin-Voigt) and Maxwell elements of moduli G_k and relaxation times l_k. T γ' is the
-power per reference volume. It is J F⁻¹ (2 η D) F⁻ᵀ with that part of the rate of deformation D
-alone that turns the fibres towards each other, without a change of volume (J = 1): the Cauchy shear
-stress along a fibre is η γ'. What this stress has along the fibres does no work where they keep
-their length, and is left out. γ' follows from the shear strain g = 2 E12 = sin γ of the element's
-centre at both ends of a step, so that rigid motions make no stress,
+power per reference volume. The stress is J F⁻¹ (2 η D) F⁻ᵀ of that part of the rate of deformation
+D alone that turns the fibres towards each other, without a change of volume (J = 1): the Cauchy
+shear stress along a fibre is η γ'. The part of this stress along the fibres does no work where they
+keep their length, and is left out. γ' follows from the shear strain g = 2 E12 = sin γ of the
+element's centre at both ends of a step, so that rigid motions make no stress,
 
     Δγ = Δg / cos γ at the middle of both.
 
-The Maxwell elements go on exactly at a constant rate, T_k <- e T_k + G_k l_k (1 - e) Δγ/Δt with
-e = exp(-Δt/l_k). They store T_k²/(2 G_k); the dissipated energy is the work of both stresses, by
+Maxwell elements are exact at a constant rate, T_k <- e T_k + G_k l_k (1 - e) Δγ/Δt with
+e = exp(-Δt/l_k). They store T_k²/(2 G_k). The dissipated energy is the work of both stresses, by
 the mean of two steps, less what is stored more.
 
 The viscosity is constant (Newton) or falls with the rate (Cross),
@@ -29,8 +29,7 @@ the exponential update, Simo and Hughes, "Computational Inelasticity", chapter 1
 Sci. 20 (1965) 417-437.
 
 A law of a fabric with such a shear is a class of its own, with as many Maxwell elements as stated
-(:func:`viscous_class`): where a scene states none, its kernels hold none of this. The classes are
-made when they are asked for (:mod:`lcmchain.materials.twins`).
+(:func:`viscous_class`), made when it is asked for (:mod:`lcmchain.materials.twins`).
 """
 
 from __future__ import annotations
@@ -247,8 +246,12 @@ def _places(law_class: type[ViscousLaw]) -> tuple[int, ...]:
     return (*range(first, first + len(OWN_MEMORY) + law_class.maxwell_count), last, last + 1)
 
 
-@unrolled(lambda own: f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(own))})")
-def own_numbers(law, history):
+@unrolled(
+    lambda law_class: (
+        f"lambda law, history: ({''.join(f'history[{k}], ' for k in _places(law_class))})"
+    )
+)
+def past_numbers(law, history):
     """Return g, stress and loss of the step before, the moments, and size and time of the step."""
     return tuple(history[k] for k in _places(type(law)))
 
@@ -257,19 +260,19 @@ def _elements(law_class: type[ViscousLaw], term: str) -> list[str]:
     return [term.format(k=k + 1, place=3 + k) for k in range(law_class.maxwell_count)]
 
 
-_AFTER = "maxwell_moment(own[{place}], law.modulus_{k}, law.relaxation_time_{k}, turn, size), "
+_AFTER = "maxwell_moment(past[{place}], law.modulus_{k}, law.relaxation_time_{k}, turn, size), "
 
 
 @unrolled(
-    lambda own: f"lambda law, own, turn, size: ({''.join(_elements(own, _AFTER))})",
+    lambda law_class: f"lambda law, past, turn, size: ({''.join(_elements(law_class, _AFTER))})",
     maxwell_moment=maxwell_moment,
 )
-def moments_after(law, own, turn, size):
+def moments_after(law, past, turn, size):
     """Return the moments of the Maxwell elements after a step that turns the fibres by Δγ."""
     numbers = range(1, law.maxwell_count + 1)
     return tuple(
         maxwell_moment(
-            own[2 + k],
+            past[2 + k],
             getattr(law, f"modulus_{k}"),
             getattr(law, f"relaxation_time_{k}"),
             turn,
@@ -283,42 +286,42 @@ def _moments(law_class: type[ViscousLaw]) -> list[str]:
     return [f"moments[{k}]" for k in range(law_class.maxwell_count)]
 
 
-@unrolled(lambda own: "lambda law, moments: " + sum_text(_moments(own)))
+@unrolled(lambda law_class: "lambda law, moments: " + sum_text(_moments(law_class)))
 def sum_of_moments(law, moments):
     """Return the moment of all Maxwell elements."""
     return sum(moments)
 
 
-@unrolled(lambda own: "lambda law: " + sum_text(_elements(own, "law.modulus_{k}")))
+@unrolled(lambda law_class: "lambda law: " + sum_text(_elements(law_class, "law.modulus_{k}")))
 def glassy_modulus(law):
     """Return the modulus of all Maxwell elements together."""
     return sum(getattr(law, f"modulus_{k + 1}") for k in range(law.maxwell_count))
 
 
 @unrolled(
-    lambda own: (
-        "lambda law, own, moments: "
+    lambda law_class: (
+        "lambda law, past, moments: "
         + sum_text(
             [
-                f"(moments[{k}] * moments[{k}] - own[{3 + k}] * own[{3 + k}])"
+                f"(moments[{k}] * moments[{k}] - past[{3 + k}] * past[{3 + k}])"
                 f" / (2.0 * law.modulus_{k + 1})"
-                for k in range(own.maxwell_count)
+                for k in range(law_class.maxwell_count)
             ]
         )
     )
 )
-def stored_more(law, own, moments):
+def stored_more(law, past, moments):
     """Return by how much more energy the Maxwell elements store after the step."""
     return sum(
-        (moment**2 - own[3 + k] ** 2) / (2.0 * getattr(law, f"modulus_{k + 1}"))
+        (moment**2 - past[3 + k] ** 2) / (2.0 * getattr(law, f"modulus_{k + 1}"))
         for k, moment in enumerate(moments)
     )
 
 
 @unrolled(
-    lambda own: (
+    lambda law_class: (
         "lambda law, g, stress, lost, moments: (g, stress, lost, "
-        + "".join(f"{moment}, " for moment in _moments(own))
+        + "".join(f"{moment}, " for moment in _moments(law_class))
         + ")"
     )
 )
@@ -328,28 +331,28 @@ def packed_memory(law, g, stress, lost, moments):
 
 
 @equation
-def stress_of_rate(law, own, g, size):
+def stress_of_rate(law, past, g, size):
     """Return what comes to S12, the secant 1/cos γ of the step, and the moments after it."""
-    secant = secant_of(0.5 * (g + own[0]))
-    turn = secant * (g - own[0])
-    moments = moments_after(law, own, turn, size)
+    secant = secant_of(0.5 * (g + past[0]))
+    turn = secant * (g - past[0])
+    moments = moments_after(law, past, turn, size)
     moment = dashpot_moment(law, turn, size) + sum_of_moments(law, moments)
     return secant * moment, secant, moments
 
 
 @equation
 def viscous_shear_stress(law, S12, C12, g, history):
-    own = own_numbers(law, history)
-    stress, secant, _ = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
+    past = past_numbers(law, history)
+    stress, secant, _ = stress_of_rate(law, past, g, elapsed(law, history, past[-2]))
     return S12 + stress, C12 + secant * secant * glassy_modulus(law)
 
 
 @equation
 def viscous_shear_memory(law, g, history):
-    own = own_numbers(law, history)
-    stress, _, moments = stress_of_rate(law, own, g, elapsed(law, history, own[-2]))
-    work = 0.5 * (own[1] + stress) * (g - own[0])
-    lost = own[2] + work - stored_more(law, own, moments)
+    past = past_numbers(law, history)
+    stress, _, moments = stress_of_rate(law, past, g, elapsed(law, history, past[-2]))
+    work = 0.5 * (past[1] + stress) * (g - past[0])
+    lost = past[2] + work - stored_more(law, past, moments)
     return packed_memory(law, g, stress, lost, moments)
 
 
@@ -415,8 +418,10 @@ def with_viscous(law: tuple[float, ...], viscous: ViscousShear | None) -> Any:
     return twin(*law, *(float(number) for number in (*numbers, *moduli, *times)))
 
 
-def stress_of_step(viscous: ViscousShear, E: np.ndarray, own: np.ndarray, step: Step) -> np.ndarray:
+def stress_of_step(
+    viscous: ViscousShear, E: np.ndarray, past: np.ndarray, step: Step
+) -> np.ndarray:
     """Return what comes to S^M (..., 6) at the end of a step to E; its own memory before."""
     S = np.zeros(np.shape(E))
-    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], own, step.size)[1]
+    S[..., 3] = viscous.in_step(np.asarray(E)[..., 3], past, step.size)[1]
     return S

@@ -1,6 +1,7 @@
-"""Scene tables of what a fabric loses: what depends on a rate, and friction of its bending.
+"""Scene tables of what a fabric loses to rates, and to friction of its bending.
 
-``[material.viscous]``, and of the bending ``friction_1``, ``viscous_1`` and so on.
+They are ``[material.viscous]``, and of ``[material.bending]`` the entries ``friction_1``,
+``friction_2``, ``viscous_1`` and ``viscous_2``.
 """
 
 from __future__ import annotations
@@ -174,7 +175,9 @@ class RateTable(SceneModel):
     def _at_reference(self) -> ViscousShear:
         return ViscousShear(
             viscosity=self.viscosity or 0.0,
-            terms=tuple(Relaxation(own.modulus, own.relaxation_time) for own in self.maxwell),
+            terms=tuple(
+                Relaxation(element.modulus, element.relaxation_time) for element in self.maxwell
+            ),
         )
 
 
@@ -233,14 +236,14 @@ class ViscousTable(RateTable):
     @property
     def field(self) -> TemperatureField | None:
         """Temperature over the blank, None where it is one."""
-        own = self.temperature_field
-        if own is None:
+        grid = self.temperature_field
+        if grid is None:
             return None
         assert self.reference_temperature is not None and self.activation_energy is not None
-        width = len(own.x)
-        rows = tuple(own.temperature[k * width : (k + 1) * width] for k in range(own.row_count))
+        width = len(grid.x)
+        rows = tuple(grid.temperature[k * width : (k + 1) * width] for k in range(grid.row_count))
         return TemperatureField(
-            own.x, own.y or (0.0,), rows, self.reference_temperature, self.activation_energy
+            grid.x, grid.y or (0.0,), rows, self.reference_temperature, self.activation_energy
         )
 
     def without_shear(self) -> Self:
@@ -252,15 +255,15 @@ class ViscousTable(RateTable):
         """What relaxes of the compaction, at the temperature of the fabric."""
         if not self.compaction:
             return None
-        terms = tuple(Relaxation(own.share, own.relaxation_time) for own in self.compaction)
+        terms = tuple(Relaxation(part.share, part.relaxation_time) for part in self.compaction)
         return CompactionRelaxation(terms).shifted(self.time_factor)
 
     def _at_reference(self) -> ViscousShear:
-        found = super()._at_reference()
+        shear = super()._at_reference()
         if self.cross is None:
-            return found
+            return shear
         return replace(
-            found,
+            shear,
             infinite_viscosity=self.cross.infinite_viscosity or 0.0,
             time_constant=self.cross.time_constant,
             exponent=self.cross.exponent,
