@@ -3,18 +3,19 @@
 Adds: to the depth of every node in a tool an offset h, which the spring of the contact feels as
 further depth: p = k (depth + h), dh/dt = (1 + s) depth / τ, h >= 0, and h = 0 where the node has
 left. s is about the stiffness of the sheet over its thickness relative to k: a stiff sheet gives
-way by 1/(1 + s) of what the offset moves. A
-sheet that is pressed steadily ends with depth 0 under a pressure that no longer depends on the
-contact stiffness k. Without it two plates that close to a gap leave the sheet thicker by twice the
-depth p/k, and a compaction law that stiffens by orders of magnitude turns this into a force that is
-too low by tens of percent. The spring's energy is ½ k (depth + h)² - ½ k h², which vanishes with
-the depth; what a change of h adds to it, k depth dh, counts as external work.
+way by 1/(1 + s) of what the offset moves. A sheet that is pressed steadily ends with depth 0, under
+a pressure that no longer depends on the contact stiffness k. Without the offset two plates that
+close to a gap leave the sheet thicker by twice the depth p/k. A compaction law that stiffens by
+orders of magnitude turns this into a force that is too low by tens of percent. The spring's energy
+is ½ k (depth + h)² - ½ k h², which vanishes with the depth. What a change of h adds to it,
+k depth dh, counts as external work.
 Source: augmented Lagrange multipliers, e.g. Wriggers, "Computational Contact Mechanics", section
 6.3.3, with an update at every step.
-Stability limit: none of its own, since the stiffness within a step stays k; but an offset that
+Stability limit: none of its own, since the stiffness within a step stays k. But an offset that
 follows too fast feeds the vibration on the contact springs. With the damping c of the contact it
-stays calm for τ > m/c (Routh: τ/(1 + s) > m/c k/(k + K) on a sheet of the stiffness K = s k); τ is
-at least ten times as much, and n² times that for n sheets on each other, which breathe more slowly.
+stays calm for τ > m/c (Routh: τ/(1 + s) > m/c k/(k + K) on a sheet of the stiffness K = s k). τ is
+at least ten times as much, and n² times that for n sheets on each other, whose thickness vibrates
+more slowly.
 Scene: ``contact.depth``; automatically where tools with prescribed motions come nearer to each
 other than the sheet is thick, and ``contact.penalty`` is left to the program. Not with a guided
 tool: it may swing on its contact, and the thickness under a given force does not depend on k.
@@ -38,7 +39,7 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, side_of_sheet, times_of_motion
 from lcmchain.tools.table import ToolTable, yields
 
-#: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
+#: Time over which the depth goes to zero: this part of the process, at least so many times m/c.
 PART_OF_PROCESS = 1.0 / 200.0
 LEAST_DAMPED_TIMES = 10.0
 #: Tools close on the sheet where they leave less than this part of its thickness.
@@ -86,7 +87,7 @@ def depth_control(
     process_time: float,
     rate: float,
 ) -> tuple[float | None, float]:
-    """Return the time τ [s], None where depths are left, and how s grows with p/k [1/m].
+    """Return the time τ [s], None where depths stay, and how s grows with p/k [1/m].
 
     Parameters
     ----------
@@ -115,8 +116,7 @@ def gap_left(
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
     Infinite with a tool that a force guides or stops, fewer than two tools, or no time. Two tools
-    on the same side of the flat sheets have none of them between them: a holder may overlap the
-    punch that moves in it.
+    on the same side have no sheet between them: a holder may overlap the punch that moves in it.
 
     stages : of the process (:class:`lcmchain.scene.stages.StagePlan`): only tools that are at work
         in one of them together leave a gap, and a guided one says nothing of those without it.
@@ -133,7 +133,7 @@ def gap_left(
 def pressure_in_gap(gap: float, materials: Sequence[Material]) -> float:
     """Return the pressure of sheets that lie over each other in a gap [m], from their laws [Pa].
 
-    0 where they are not pressed, or nothing resists; beyond ``MOST_COMPACTED`` it is that there.
+    0 where they are not pressed, or nothing resists. Beyond ``MOST_COMPACTED`` it no longer grows.
     """
     if gap >= sum(material.thickness for material in materials):
         return 0.0

@@ -186,11 +186,13 @@ def of_table(table: str, **entries: object) -> Answer:
 
 
 def stated_by_materials(attribute: str) -> Callable[[EffectScene], bool]:
-    """Return what tells whether the material of any ply states an effect.
+    """Return the function that tells whether the material of any ply states an effect.
 
     attribute : of a material's table, whether it does.
     """
-    return lambda scene: any(getattr(own, attribute) for own in scene.stack.materials.values())
+    return lambda scene: any(
+        getattr(material, attribute) for material in scene.stack.materials.values()
+    )
 
 
 def out_of_materials(attribute: str, without: str) -> Answer:
@@ -206,7 +208,9 @@ def out_of_materials(attribute: str, without: str) -> Answer:
 
         changes: dict[str, Any] = {"material": changed(scene.material)}
         if scene.materials:
-            changes["materials"] = {key: changed(own) for key, own in scene.materials.items()}
+            changes["materials"] = {
+                key: changed(material) for key, material in scene.materials.items()
+            }
         return changes
 
     return off
@@ -248,12 +252,18 @@ def of_materials(
     return Effect(name, bool(told), " and ".join(told) or nothing)
 
 
+def of_the_laws(
+    name: str, in_words: Callable[[Material], str | None], nothing: str
+) -> Callable[[EffectModel], list[Effect]]:
+    """Return the function ``active(model)`` of an effect of laws (:func:`of_materials`)."""
+    return lambda model: [of_materials(name, model, in_words, nothing)]
+
+
 def of_the_elements(name: str) -> Callable[[EffectModel], list[Effect]]:
     """Return the function ``active(model)`` of an effect that the elements themselves compute.
 
-    Bodies of which the same is told stand together; their names are told where they are not all.
-
-    What it tells is read from the constants that the kernels of each body are compiled for.
+    It is read from the constants that the kernels of each body are compiled for. Bodies with the
+    same answer share an effect, which names them where they are not all.
     """
 
     def active(model: EffectModel) -> list[Effect]:

@@ -43,11 +43,12 @@ def friction(stick, slip_increment, normal, stiffness, limit):
 def friction_loss(before, after, way, stiffness):
     """Return what a friction spring takes for good [J] while the node moves on by a way [m].
 
-    Its force does, in half, the work of the elastic slip ``before`` and ``after`` the step: that is
-    what the motion loses by central differences. What of it the spring does not store is lost, by
-    sliding, by the turn of the tangent plane, and where the node lifts off (``after`` is zero).
-    With the work of sliding taken at the end of the step instead, a node that the surface throws
-    back within a few steps loses up to half of its friction work uncounted.
+    The work of its force is taken by the mean of the elastic slips ``before`` and ``after`` the
+    step: that is what the motion loses by central differences. The part of it that the spring does
+    not store is lost: by sliding, by the turn of the tangent plane, and where the node lifts off
+    (``after`` is zero). If the work of sliding were taken at the end of the step instead, a node
+    that the surface throws back within a few steps would lose up to half of its friction work
+    uncounted.
 
     Parameters
     ----------

@@ -4,11 +4,11 @@ Adds: on the nodes that a gripper holds a pull of the size
 
     F = min(max(r F0 + k e, 0), Fmax)
 
-with the force F0 at the start, which comes on by the smooth ramp r, the stiffness k and the length
-e by which the place has moved away from the gripper. It acts in a fixed direction, or towards an
-anchor: then e is the change of the distance from the anchor. A gripper only pulls. The nodes share
-its force by their areas, and their mean by areas is the place. A gripper that holds or leads its
-nodes is a support (:mod:`lcmchain.effects.supports`).
+with the force F0 at the start, which comes on by the smooth ramp r, the stiffness k, and the length
+e by which the gripped place has moved away from the gripper. The pull acts in a fixed direction, or
+towards an anchor: then e is the change of the distance from the anchor. A gripper only pulls. The
+nodes share its force by their areas; the place is their mean by areas. A gripper that holds or
+leads its nodes is a support (:mod:`lcmchain.effects.supports`).
 Source: virtual work of a spring on a mean displacement, f_i = w_i F with the sum of w_i one.
 Stability limit: (k + F / L) Σ w_i² / m_i is added to the ω² of the elements, with the distance L
 from the anchor; of grippers that share nodes, the bound of Gershgorin on their springs.
@@ -63,8 +63,8 @@ from lcmchain.tools.motion.travel import travel_along
 
 #: Time over which the force at the start comes on, relative to the process.
 RAMP_PART = 0.05
-#: Nearer to its anchor than this part of the distance at the start a pull falls with the distance:
-#: its direction is lost there.
+#: Nearer to its anchor than this part of the distance at the start, where its direction is lost, a
+#: pull falls with the distance.
 LEAST_DISTANCE = 0.05
 #: Grippers along a rim, at most.
 MOST_ALONG_A_RIM = 200
@@ -339,8 +339,8 @@ def grips_of(entries: Sequence[Gripper], bodies: Sequence[Body]) -> tuple[Grip, 
     return tuple(found)
 
 
-class _Piece(NamedTuple):
-    """What a gripper holds of one body.
+class _Hold(NamedTuple):
+    """The nodes of one body that a gripper holds.
 
     nodes : (n,) of the model. areas : (n,) [m²]. positions : (n, 3) [m].
     outward : (3,) normal to the rim in the plane, as long as the rim that is gripped; 0 inside.
@@ -354,22 +354,22 @@ class _Piece(NamedTuple):
 
 def _grips_of_entry(entry: Gripper, bodies: Sequence[Body], key: str) -> list[Grip]:
     """Return the grippers of an entry, with what each holds of all bodies that are there."""
-    of_bodies: list[list[_Piece]] = []
+    of_bodies: list[list[_Hold]] = []
     elsewhere: list[InputError] = []
     for body in bodies:
         try:
-            of_bodies.append(_pieces(entry, body, key))
+            of_bodies.append(_holds(entry, body, key))
         except InputError as error:  # the place may lie on another ply
             elsewhere.append(error)
     if not of_bodies:
         raise elsewhere[0]
     return [
-        _grip(entry, name, pieces, key)
-        for name, pieces in zip(entry.names, zip(*of_bodies, strict=True), strict=True)
+        _grip(entry, name, holds, key)
+        for name, holds in zip(entry.names, zip(*of_bodies, strict=True), strict=True)
     ]
 
 
-def _pieces(entry: Gripper, body: Body, key: str) -> list[_Piece]:
+def _holds(entry: Gripper, body: Body, key: str) -> list[_Hold]:
     mesh = body.mesh
     positions = mesh.node_positions
     sides = [side for name, side in mesh.sides().items() if entry.face in (None, name)]
@@ -387,14 +387,14 @@ def _pieces(entry: Gripper, body: Body, key: str) -> list[_Piece]:
         own = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
         areas = body.node_area[own]
         normal = outward(places.cells, places.points, middle)
-        found.append(_Piece(own + body.first_node, areas, positions[own], normal))
+        found.append(_Hold(own + body.first_node, areas, positions[own], normal))
     return found
 
 
-def _grip(entry: Gripper, name: str, pieces: Sequence[_Piece], key: str) -> Grip:
+def _grip(entry: Gripper, name: str, holds: Sequence[_Hold], key: str) -> Grip:
     nodes, areas, positions = (
-        np.concatenate([getattr(piece, part) for piece in pieces])
-        for part in ("nodes", "areas", "positions")
+        np.concatenate([getattr(hold, name) for hold in holds])
+        for name in ("nodes", "areas", "positions")
     )
     weights = areas / areas.sum()
     place = weights @ positions
@@ -402,7 +402,7 @@ def _grip(entry: Gripper, name: str, pieces: Sequence[_Piece], key: str) -> Grip
     if entry.direction is not None:
         direction = np.array(entry.direction)
     elif entry.outward:
-        normal = np.sum([piece.outward for piece in pieces], axis=0)
+        normal = np.sum([hold.outward for hold in holds], axis=0)
         length = np.linalg.norm(normal)
         if length < 1e-9 * math.sqrt(areas.sum()):
             raise InputError(

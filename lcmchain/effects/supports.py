@@ -1,6 +1,6 @@
 """Nodes whose motion is prescribed: clamps, grips, frames, planes of symmetry.
 
-Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components that they hold, and
+Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components that are held, and
 the force that this takes.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
 Stability limit: none, holding a node only raises the stable step.
@@ -39,8 +39,8 @@ class Support:
     components : held components out of "xyz".
     motion : returns [A | b] (3, 4) at a time [s], identity and zero at the start; None holds the
         nodes where they are.
-    release_time, release_force : at which the support lets go, for good [s], [N]; the force is the
-        size of that on all its nodes. Infinite for one that never does.
+    release_time, release_force : at which the support lets go for good [s], [N]; the force is that
+        on all its nodes together. Infinite for one that never does.
     """
 
     name: str

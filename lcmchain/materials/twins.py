@@ -39,6 +39,8 @@ Maker = Callable[[re.Match[str], type], type]
 # Classes of laws of which twins can be made on demand, by their names, and the twins so far.
 _bases: dict[str, type] = {}
 _twins: dict[str, type] = {}
+# All twins, by their class and prefix.
+_prefixed: dict[tuple[type, str], Any] = {}
 # What makes twins, by the pattern of their names.
 _makers: dict[re.Pattern[str], Maker] = {}
 
@@ -72,7 +74,13 @@ def twin_of(
     inherit(twin, law_class)
     for function, answer in answers.items():
         implements(function, twin)(answer)
+    _prefixed[law_class, prefix] = twin
     return twin
+
+
+def prefixed(law: object, prefix: str) -> Any:
+    """Return the twin of the class of a law that was made with a prefix."""
+    return _prefixed[type(law), prefix]
 
 
 def let_have_twins(*law_classes: type) -> None:

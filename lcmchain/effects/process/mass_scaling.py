@@ -1,10 +1,10 @@
 """Mass scaling: inertia that is added to a sheet so that its stable time step grows.
 
-Adds: mass to the inertia of the sheet, and to nothing else: its weight, areal mass and fibre volume
-fraction are those of the fabric. With a factor all of the sheet gets it; with a target step only
-those elements (of triangles: nodes) whose own step is shorter, as much as it takes. A process that
-is slow enough to be quasi-static does not see it; what moves freely does: a sheet with n times the
-inertia falls and vibrates as if time ran √n times as fast.
+Adds: mass to the inertia of the sheet and to nothing else: its weight, areal mass and fibre volume
+fraction are those of the fabric. With a factor all of the sheet gets it. With a target step only
+those elements (of triangles: nodes) get it whose own step is shorter, and as much as they need. It
+does not show in a process that is slow enough to be quasi-static. In free motion it does: a sheet
+with n times the inertia falls and vibrates as if time ran √n times as fast.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2; Olovsson, Simonsson,
 Unosson, Int. J. Numer. Meth. Eng. 63 (2005) 1436-1445 (selective mass scaling).
 Stability limit: ω² of an element falls as its mass grows. The bound of a sheet is the largest of
@@ -27,8 +27,8 @@ from lcmchain.elements.family import Body
 from lcmchain.quantities.entry_types import AbsentMeans, Number, PositiveTime, Range
 from lcmchain.quantities.scene_model import SceneModel
 
-# The share of the fibres' bending in ω² depends on the masses, and they on it: so many corrections,
-# or until the step is met to this part.
+# The share of the fibres' bending in ω² depends on the masses, and the masses on it. So many
+# corrections are made, or until the step is met within this part.
 CORRECTIONS = 20
 STEP_MET = 1e-6
 
@@ -71,15 +71,15 @@ def with_added_mass(
     target = (2.0 * step_safety / scaling.target_step) ** 2
     room = target
     for _ in range(CORRECTIONS):
-        found = [_scaled(body, scaling.factor, room) for body in bodies]
+        heavier = [_scaled(body, scaling.factor, room) for body in bodies]
         if fibre_bending is None:
             break
-        mass = np.concatenate([body.inertial_mass for body in found])
+        mass = np.concatenate([body.inertial_mass for body in heavier])
         total = room + frequency_bound(fibre_bending, mass)
         if total <= target * (1.0 + STEP_MET):
             break
         room *= target / total
-    return found
+    return heavier
 
 
 def _scaled(body: Body, factor: float, omega2: float) -> Body:
@@ -127,11 +127,11 @@ SWITCH = Switch(
 
 def active(model: EffectModel) -> list[Effect]:
     """Return one effect."""
-    found = added_mass(model)
-    if found["mass_added_largest"] == 0.0:
+    added = added_mass(model)
+    if added["mass_added_largest"] == 0.0:
         return [Effect("mass scaling", False, "no mass is added")]
     reason = (
-        f"{1e3 * found['mass_added_kg']:.3g} g added, {100 * found['mass_added_total']:.3g} % of "
-        f"the sheet, at most {100 * found['mass_added_largest']:.3g} % of a node's mass"
+        f"{1e3 * added['mass_added_kg']:.3g} g added, {100 * added['mass_added_total']:.3g} % of "
+        f"the sheet, at most {100 * added['mass_added_largest']:.3g} % of a node's mass"
     )
     return [Effect("mass scaling", True, reason)]

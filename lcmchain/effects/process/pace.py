@@ -1,9 +1,8 @@
 """Pace of a process that has no time of its own: found while it runs, from the sheet's energies.
 
-Adds: nothing to the equations of the sheet. The process goes on by ``pace`` times what passes for
-the sheet: tools, supports and loads slow down where inertia takes part in the motion of the sheet,
-because it is hardly strained yet, snaps or buckles. Forces of laws without a rate do not depend on
-the pace.
+Adds: nothing to the equations of the sheet. Process time is ``pace`` times the time of the sheet:
+tools, supports and loads slow down where inertia takes part in the motion of the sheet, because it
+is hardly strained yet, snaps or buckles. Forces of laws without a rate do not depend on the pace.
 Source: the measure of quasi-static explicit analyses, kinetic over internal energy (Belytschko,
 Liu, Moran, "Nonlinear Finite Elements", section 6.2; Abaqus, "Quasi-static analysis with
 Abaqus/Explicit": below 5 to 10 %); the controller: own.
@@ -11,8 +10,9 @@ Stability limit: none; the step is that of the sheet.
 Scene: ``process.time`` (left out: the pace is found), ``process.quasi_static``.
 Fields: ``time`` is that of the process; ``history_sheet_time`` (history).
 
-The mean kinetic energy is held below a part of the energy that is stored in the sheet: the external
-work less what moves and what damping and friction took. It falls with the square of the pace.
+The mean kinetic energy is held below a part of the energy that is stored in the sheet, which is the
+external work less the kinetic energy and what damping and friction took. It falls with the square
+of the pace.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from lcmchain.elements.family import Body
 from lcmchain.materials.shear_waves import shear_energy
 from lcmchain.quantities.rounded import two_digits_up
 
-#: Kinetic energy in parts of the stored energy: inertia is no part of the shape below it.
+#: Kinetic over stored energy: below it inertia does not show in the shape.
 KINETIC_PART = 0.065
 #: Slowest pace; the fastest is 1.
 SLOWEST = 0.1
-#: Parts of the process time over which the kinetic energy is averaged, and in which the pace grows
-#: and falls by a factor e at most: a tool that changes its speed faster strikes the sheet.
+#: In parts of the process time: over which the kinetic energy is averaged, and in which the pace
+#: grows and falls by a factor e at most. A tool that changes its speed faster strikes the sheet.
 AVERAGING, GROWTH, FALL = 0.03, 0.2, 0.07
-#: A stored energy below this part of shearing all of the sheet by this angle [rad] says
-#: nothing of inertia: the sheet is only touched.
+#: Below this part of the energy of shearing all of the sheet by this angle [rad] the stored energy
+#: says nothing of inertia: the sheet is only touched.
 FLOOR_PART, FLOOR_ANGLE = 0.012, 0.1
-#: Advice to slow a process asks for this factor at least: less does not show in two digits.
+#: Advice to slow a process asks for this factor at least: a smaller one is lost in two digits.
 LEAST_SLOWER = 1.05
 
 
@@ -93,9 +93,9 @@ def next_pace(
         change = passed / GROWTH
         if excess > 0.0:
             change = min(-0.5 * math.log(excess), change)
-    found = min(max(pace * math.exp(change), SLOWEST), 1.0)
-    # what moves with the tools follows at once: the mean would tell of it too late
-    return found, mean_kinetic * (found / pace) ** 2
+    new_pace = min(max(pace * math.exp(change), SLOWEST), 1.0)
+    # the motion follows the tools at once: the mean would tell of it too late
+    return new_pace, mean_kinetic * (new_pace / pace) ** 2
 
 
 def more_quasi_static(present: float, times: float) -> str:

@@ -4,9 +4,9 @@ Adds: the travel of every tool; a guided one obeys its own equation of motion.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
 Stability limit: a guided tool adds the stiffness of its contacts over its mass to the square of the
 highest frequency (``Simulation._step_of``).
-Scene: ``tools.motion``.
 A tool may turn about an axis: its travel is then the angle, and the moment of the contact forces
 about the axis stands for their force along a direction.
+Scene: ``tools.motion``.
 Fields: ``tool_travel``, ``tool_angle``, ``history_tool_moment``, ``energy_external`` (history).
 """
 

@@ -11,10 +11,8 @@ Fields: ``bending_friction_moment_1``, ``bending_friction_moment_2``, ``bending_
 from __future__ import annotations
 
 from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
     Switch,
-    of_materials,
+    of_the_laws,
     out_of_materials,
     refused,
     stated_by_materials,
@@ -35,13 +33,11 @@ def _in_words(material: Material) -> str | None:
     if losses is None or not losses.rubs:
         return None
     return "; ".join(
-        f"along fibres {number} up to {own.friction.limit:.4g} N within "
-        f"{own.friction.length:.4g} 1/m"
-        for number, own in enumerate(losses.directions, 1)
-        if own.friction is not None
+        f"along fibres {number} up to {direction.friction.limit:.4g} N within "
+        f"{direction.friction.length:.4g} 1/m"
+        for number, direction in enumerate(losses.directions, 1)
+        if direction.friction is not None
     )
 
 
-def active(model: EffectModel) -> list[Effect]:
-    """Return one effect for all sheets."""
-    return [of_materials("bending friction", model, _in_words, "bent fibres do not rub")]
+active = of_the_laws("bending friction", _in_words, "bent fibres do not rub")

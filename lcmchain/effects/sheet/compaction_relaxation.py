@@ -11,10 +11,8 @@ Fields: ``compaction_strain_before``, ``compaction_stress_before``, ``relaxing_w
 from __future__ import annotations
 
 from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
     Switch,
-    of_materials,
+    of_the_laws,
     out_of_materials,
     refused,
     stated_by_materials,
@@ -31,12 +29,9 @@ SWITCH = Switch(
 )
 
 
-def active(model: EffectModel) -> list[Effect]:
-    """Return one effect for all sheets."""
-    nothing = "the compaction does not depend on time"
-    return [of_materials("compaction relaxation", model, _in_words, nothing)]
-
-
 def _in_words(material: Material) -> str | None:
     relaxation = relaxation_of(material)
     return None if relaxation is None else relaxation.in_words()
+
+
+active = of_the_laws("compaction relaxation", _in_words, "the compaction does not depend on time")

@@ -11,10 +11,8 @@ Fields: ``shear_friction_moment``, ``shear_friction_loss``, ``shear_strain_rubbe
 from __future__ import annotations
 
 from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
     Switch,
-    of_materials,
+    of_the_laws,
     out_of_materials,
     refused,
     stated_by_materials,
@@ -36,6 +34,4 @@ def _in_words(material: Material) -> str | None:
     return None if friction is None else friction.in_words()
 
 
-def active(model: EffectModel) -> list[Effect]:
-    """Return one effect for all sheets."""
-    return [of_materials("shear friction", model, _in_words, "sheared fabric does not rub")]
+active = of_the_laws("shear friction", _in_words, "sheared fabric does not rub")

@@ -12,10 +12,8 @@ Fields: ``viscous_bending_moment_1``, ``viscous_bending_moment_2``, ``viscous_be
 from __future__ import annotations
 
 from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
     Switch,
-    of_materials,
+    of_the_laws,
     out_of_materials,
     refused,
     stated_by_materials,
@@ -36,15 +34,14 @@ def _in_words(material: Material) -> str | None:
     if losses is None or not losses.resists_rates:
         return None
     told = []
-    for number, own in enumerate(losses.directions, 1):
-        parts = [f"dashpot {own.viscosity:.4g} N s m"] if own.viscosity > 0.0 else []
-        parts += [f"relaxing {term.modulus:.4g} N m in {term.time:.4g} s" for term in own.terms]
+    for number, direction in enumerate(losses.directions, 1):
+        parts = [f"dashpot {direction.viscosity:.4g} N s m"] if direction.viscosity > 0.0 else []
+        parts += [
+            f"relaxing {term.modulus:.4g} N m in {term.time:.4g} s" for term in direction.terms
+        ]
         if parts:
             told.append(f"along fibres {number} {', '.join(parts)}")
     return "; ".join(told)
 
 
-def active(model: EffectModel) -> list[Effect]:
-    """Return one effect for all sheets."""
-    nothing = "the bending does not depend on its rate"
-    return [of_materials("viscous bending", model, _in_words, nothing)]
+active = of_the_laws("viscous bending", _in_words, "the bending does not depend on its rate")

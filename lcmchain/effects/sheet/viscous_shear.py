@@ -36,10 +36,10 @@ SWITCH = Switch(
 def active(model: EffectModel) -> list[Effect]:
     """Return one effect for all sheets."""
     nothing = "the shear does not depend on its rate"
-    found = of_materials("viscous shear", model, _in_words, nothing)
-    if found.active and (fields := temperatures_of(model)):
-        found = found._replace(reason=f"{found.reason}, {fields}")
-    return [found]
+    effect = of_materials("viscous shear", model, _in_words, nothing)
+    if effect.active and (fields := temperatures_of(model)):
+        effect = effect._replace(reason=f"{effect.reason}, {fields}")
+    return [effect]
 
 
 def _in_words(material: Material) -> str | None:
@@ -50,11 +50,11 @@ def _in_words(material: Material) -> str | None:
 def temperatures_of(model: EffectModel) -> str:
     """Say in words how the temperature differs over the sheets; empty where it does not."""
     fields = [getattr(body.material, "temperature", None) for body in model.bodies]
-    return " and ".join(dict.fromkeys(own.in_words() for own in fields if own is not None))
+    return " and ".join(dict.fromkeys(field.in_words() for field in fields if field is not None))
 
 
 def remarks(scene: EffectScene) -> list[str]:
-    """Say what of a scene changes a stress that depends on a rate."""
+    """Return what in a scene changes stresses that depend on a rate, a sentence each."""
     materials = [ply.material for ply in scene.stack]
     entries = []
     if any(material.resists_shear_rates for material in materials):

@@ -30,7 +30,7 @@ from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
 from lcmchain.materials.law import bending_excess, bending_stress
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import prefixed, twin_of
 from lcmchain.quantities.entry_types import PositiveCurvature, PositiveForce, Row, wrong
 from lcmchain.quantities.scene_model import SceneModel
 
@@ -187,20 +187,16 @@ def excess_by_curves(law, E, inverse_height):
 
 # --- laws -----------------------------------------------------------------------------------------
 
-_bent_classes: dict[type, type] = {}
-
 
 def bent_class(law_class: type) -> Any:
     """Return the twin of a class of laws that bends by curves, see :func:`.twins.twin_of`."""
-    twin = twin_of(
+    return twin_of(
         law_class,
         "Bent",
         about=", and (2 SIZE,) of both curves.",
         entries=[("curves", np.ndarray)],
         answers={bending_stress: stress_by_curves, bending_excess: excess_by_curves},
     )
-    _bent_classes[law_class] = twin
-    return twin
 
 
 class BendingLaw(Protocol):
@@ -230,7 +226,7 @@ def with_curves(law: BendingLaw, curves: Sequence[BendingCurve | None], thicknes
     ]
     first, second = values
     parameters = law._asdict() | {"B11": float(first[0]), "B22": float(second[0])}
-    return _bent_classes[type(law)](**parameters, curves=np.concatenate(values))
+    return prefixed(law, "Bent")(**parameters, curves=np.concatenate(values))
 
 
 # --- scene ----------------------------------------------------------------------------------------

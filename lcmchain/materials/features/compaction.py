@@ -15,7 +15,7 @@ import numpy as np
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.features.elementary import exponential, logarithm
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import prefixed, twin_of
 
 # Below this strain the exponent of the compaction law is zero to double precision for c2 >= 1.
 SMALLEST_COMPACTION_STRAIN = 1e-16
@@ -88,12 +88,9 @@ def no_tangent_change(law, E33):
     return 0.0
 
 
-_linear_classes: dict[type, type] = {}
-
-
 def linear_class(law_class: type) -> Any:
     """Return the twin of a class of laws whose C33 never changes, see :func:`.twins.twin_of`."""
-    twin = twin_of(
+    return twin_of(
         law_class,
         "Linear",
         about=", with a constant C33.",
@@ -103,10 +100,8 @@ def linear_class(law_class: type) -> Any:
             compaction_tangent_curvature: no_tangent_change,
         },
     )
-    _linear_classes[law_class] = twin
-    return twin
 
 
 def linear_where_constant(law: CompactionLaw) -> Any:
     """Return the law itself, or its twin of :func:`linear_class` where c1 is 0."""
-    return law if law.c1 != 0.0 else _linear_classes[type(law)](*law)
+    return law if law.c1 != 0.0 else prefixed(law, "Linear")(*law)

@@ -40,7 +40,7 @@ from lcmchain.materials.features.compaction import compaction_of
 from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.features.pressure_curves import MOST_ANGLES, MOST_PRESSURES, PressureCurve
 from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE, StrainMap, thickening
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import prefixed, twin_of
 
 #: s of the shear beyond which nothing follows.
 LARGEST = -math.log(1.0 - LARGEST_SQUARE)
@@ -293,7 +293,7 @@ class PressureTable:
 
     def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the table."""
-        return _tabled_classes[type(law)](*law, self.numbers)
+        return prefixed(law, "Tabled")(*law, self.numbers)
 
     def beyond(self, stretch: ArrayLike, g: ArrayLike) -> np.ndarray:
         """Tell where thickness stretches are below the deepest point of the table."""
@@ -436,17 +436,13 @@ def table_thickening(law, E33, g):
 
 # --- laws -----------------------------------------------------------------------------------------
 
-_tabled_classes: dict[type, type] = {}
-
 
 def tabled_class(law_class: type) -> Any:
     """Return the twin of a class of laws that holds a table, see :func:`.twins.twin_of`."""
-    twin = twin_of(
+    return twin_of(
         law_class,
         "Tabled",
         about=", and (SIZE,) of a table of pressures.",
         entries=[("pressure_table", np.ndarray)],
         answers={thickening: table_thickening},
     )
-    _tabled_classes[law_class] = twin
-    return twin

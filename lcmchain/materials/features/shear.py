@@ -33,7 +33,7 @@ import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import prefixed, twin_of
 
 # Of the engineering shear strain 2 E12 = sin γ. For MD600 S12 keeps its sign where the shear angle
 # changes by up to 19° over an element.
@@ -180,12 +180,10 @@ def stabilising_shear_curvature(law, g):
 
 # --- laws -----------------------------------------------------------------------------------------
 
-_locking_classes: dict[type, type] = {}
-
 
 def locking_class(law_class: type) -> Any:
     """Return the twin of a class of laws that locks, see :func:`.twins.twin_of`."""
-    twin = twin_of(
+    return twin_of(
         law_class,
         "Locking",
         about=" and of :class:`ShearLocking`.",
@@ -196,10 +194,8 @@ def locking_class(law_class: type) -> Any:
             locking_tangent_curvature: cubic_tangent_curvature,
         },
     )
-    _locking_classes[law_class] = twin
-    return twin
 
 
 def with_locking(law: tuple[float, ...], locking: ShearLocking | None) -> Any:
     """Return a law that locks as stated, or the law itself where nothing is stated."""
-    return law if locking is None else _locking_classes[type(law)](*law, *locking)
+    return law if locking is None else prefixed(law, "Locking")(*law, *locking)

@@ -43,7 +43,7 @@ from lcmchain.dispatch import implements, optional
 from lcmchain.jit import equation
 from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.law import Material, TangentCoupling
-from lcmchain.materials.twins import twin_of
+from lcmchain.materials.twins import prefixed, twin_of
 
 #: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
 LARGEST_SQUARE = 0.99
@@ -211,20 +211,16 @@ def mapped_coupling(m, S33, C33, slope33, curvature33):
 
 # --- laws -----------------------------------------------------------------------------------------
 
-_coupled_classes: dict[type, type] = {}
-
 
 def coupled_class(law_class: type) -> Any:
     """Return the twin of a class of laws whose thickness depends on its shear."""
-    twin = twin_of(
+    return twin_of(
         law_class,
         "Coupled",
         about=" and β.",
         entries=[("shear_coupling", float)],
         answers={thickening: power_thickening},
     )
-    _coupled_classes[law_class] = twin
-    return twin
 
 
 # --- plain Python ---------------------------------------------------------------------------------
@@ -259,7 +255,7 @@ class PowerCoupling:
 
     def law_of(self, law: tuple[float, ...]) -> Any:
         """Return the twin of a law with the coupling."""
-        return _coupled_classes[type(law)](*law, self.beta)
+        return prefixed(law, "Coupled")(*law, self.beta)
 
     def at(self, E33: ArrayLike, g: ArrayLike) -> StrainMap:
         """Return E' = (1/2 + E33) a - 1/2 and its derivatives."""
