@@ -141,8 +141,8 @@ def pressure_in_gap(gap: float, materials: Sequence[Material]) -> float:
     each = [np.maximum.accumulate(nominal_pressure(material, stretch)) for material in materials]
     pressure = np.unique(np.concatenate(each))
     height = sum(
-        material.thickness * np.interp(pressure, own, stretch)
-        for material, own in zip(materials, each, strict=True)
+        material.thickness * np.interp(pressure, pressures, stretch)
+        for material, pressures in zip(materials, each, strict=True)
     )
     return float(np.interp(-gap, -height, pressure))
 

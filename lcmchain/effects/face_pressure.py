@@ -169,7 +169,9 @@ class FacePressure(NamedTuple):
         """Return the sum of pressures (L, K) [Pa] at times (K,) [s], each with its face."""
         sums = {
             side: sum(
-                own for face, own in zip(faces, values, strict=True) if face in (side, "both")
+                pressure
+                for face, pressure in zip(faces, values, strict=True)
+                if face in (side, "both")
             )
             + np.zeros_like(times)
             for side in SIDES
@@ -214,7 +216,7 @@ def common_times(
     tables: Sequence[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the times of all tables (K,) [s], and the pressures of each then (L, K) [Pa]."""
-    times = np.unique(np.concatenate([own for own, _ in tables]))
+    times = np.unique(np.concatenate([times for times, _ in tables]))
     return times, np.array([np.interp(times, *table) for table in tables])
 
 
@@ -388,8 +390,8 @@ def regional_shares(
         if at_work and not at_work[index]:
             continue
         key = f'pressure[{index}] "{entry.name}"'
-        own = _shares_of(entry, bodies, key)
-        lanes = elements.in_lanes(own)
+        shares = _shares_of(entry, bodies, key)
+        lanes = elements.in_lanes(shares)
         for side, outer in zip(SIDES, (elements.bottom, elements.top), strict=True):
             if entry.face in (side, "both"):
                 share[index, SIDES.index(side)] = lanes if entry.ply is not None else lanes * outer
@@ -408,23 +410,23 @@ def _shares_of(entry: PressureOnFace, bodies: Sequence[Body], key: str) -> np.nd
         raise InputError(
             f'there is no ply "{entry.ply}"; there is {", ".join(names)}', key=f"{key}.ply"
         )
-    found, beside = [], []
+    shares, beside = [], []
     for body in bodies:
         count = body.mesh.element_count
         if entry.ply not in (None, body.name):
-            found.append(np.zeros(count))
+            shares.append(np.zeros(count))
         elif not entry.ways:
-            found.append(np.ones(count))
+            shares.append(np.ones(count))
         else:
             corners = body.mesh.mid_surface_positions[body.mesh.faces]
             try:
-                found.append(area_shares(entry, corners, key))
+                shares.append(area_shares(entry, corners, key))
             except InputError as error:  # the region may lie on another ply
                 beside.append(error)
-                found.append(np.zeros(count))
-    if beside and not any(shares.any() for shares in found):
+                shares.append(np.zeros(count))
+    if beside and not any(share.any() for share in shares):
         raise beside[0]
-    return np.concatenate(found)
+    return np.concatenate(shares)
 
 
 @routine
@@ -486,11 +488,11 @@ def active(model: EffectModel) -> list[Effect]:
     table = model.face_pressure
     if table is None:
         return [Effect("pressure on faces", False, "no [[pressure]] entry")]
-    found = []
+    effects = []
     if isinstance(table, FacePressure):
         for side, values in (("bottom", table.bottom), ("top", table.top)):
             if values.any():
-                found.append(Effect(f"pressure on the {side} face", True, _over_time(values)))
+                effects.append(Effect(f"pressure on the {side} face", True, _over_time(values)))
     else:
         pairs = zip(table.entry_values, table.entry_shares, strict=True)
         for number, (values, share) in enumerate(pairs, start=1):
@@ -499,8 +501,8 @@ def active(model: EffectModel) -> list[Effect]:
                 cut = np.count_nonzero((share > 0.0) & (share < 1.0))
                 faces += f", {cut} of them in part" if cut else ""
                 reason = f"{_over_time(values)}, on {faces}"
-                found.append(Effect(f"pressure {number} on a region or ply", True, reason))
-    return found or [Effect("pressure on faces", False, "all pressures are zero")]
+                effects.append(Effect(f"pressure {number} on a region or ply", True, reason))
+    return effects or [Effect("pressure on faces", False, "all pressures are zero")]
 
 
 def _over_time(values: np.ndarray) -> str:

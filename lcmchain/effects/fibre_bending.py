@@ -172,7 +172,7 @@ def build_fibre_bending(bodies: Sequence[Body], first_force: int) -> FibreBendin
 
 
 def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
-    own, lane = np.arange(table.mid_count, dtype=np.int32), table.lane
+    node, lane = np.arange(table.mid_count, dtype=np.int32), table.lane
     along = [
         rows[family] for family in (0, 1) for rows in (table.weight_before, table.weight_after)
     ]
@@ -184,7 +184,7 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
     rows = np.array([0, 3, 6, 9])
     back = rows[[1, 0, 3, 2]]
     source = [
-        _place(lane[end], VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
+        _place(lane[end], VECTOR_ROWS) + LANES * np.where(end == node, back[k], rows[k])
         for k, end in enumerate(ends)
     ]
     middles = [_place(lane[end], MIDDLE_ROWS) for end in ends]
@@ -236,12 +236,12 @@ def _of_body(body: Body, number: int, first_mid: int) -> FibreBending:
     sides = [nodes[side] for side in mesh.sides().values()]
     X = mesh.mid_surface(mesh.node_positions)
     lines = fibre_lines(mesh)
-    own = np.arange(len(X), dtype=np.int32)
-    before = np.where(lines.before == NO_NODE, own, lines.before)
-    after = np.where(lines.after == NO_NODE, own, lines.after)
-    inner = (before != own) & (after != own)
+    node = np.arange(len(X), dtype=np.int32)
+    before = np.where(lines.before == NO_NODE, node, lines.before)
+    after = np.where(lines.after == NO_NODE, node, lines.after)
+    inner = (before != node) & (after != node)
     # the direction across a fibre is that of the other one
-    inner &= ((before != own) | (after != own))[::-1]
+    inner &= ((before != node) | (after != node))[::-1]
     lengths = [
         np.where(inner, np.linalg.norm(X[ends] - X, axis=-1), 1.0) for ends in (before, after)
     ]

@@ -160,9 +160,9 @@ class Gripper(NamedPlace):
             )
         given = [entry for entry in TOWARDS if getattr(self, entry) not in (None, False)]
         if len(given) != 1:
-            found = " and ".join(given) or "none"
+            those = " and ".join(given) or "none"
             raise wrong(
-                f"needs one of {', '.join(TOWARDS[:2])} and outward = true, but has {found}"
+                f"needs one of {', '.join(TOWARDS[:2])} and outward = true, but has {those}"
             )
         if self.largest_force is not None and self.largest_force < (self.force or 0.0):
             raise wrong(
@@ -324,19 +324,19 @@ def grips_of(entries: Sequence[Gripper], bodies: Sequence[Body]) -> tuple[Grip, 
     InputError : a gripper on nothing, on a ply that is not there, whose pull has no direction, or
         two of one name.
     """
-    found: list[Grip] = []
+    grips: list[Grip] = []
     for index, entry in enumerate(entries):
         key = f'grippers[{index}] "{entry.name}"'
         chosen = [body for body in bodies if entry.ply in (None, body.name)]
         if not chosen:
             names = ", ".join(body.name for body in bodies)
             raise InputError(f'there is no ply "{entry.ply}"; there is {names}', key=f"{key}.ply")
-        taken = {grip.name for grip in found}
+        taken = {grip.name for grip in grips}
         for grip in _grips_of_entry(entry, chosen, key):
             if grip.name in taken:
                 raise InputError(f'makes a second gripper "{grip.name}"', key=f"{key}.name")
-            found.append(grip)
-    return tuple(found)
+            grips.append(grip)
+    return tuple(grips)
 
 
 class _Hold(NamedTuple):
@@ -382,13 +382,13 @@ def _holds(entry: Gripper, body: Body, key: str) -> list[_Hold]:
         chosen = pieces_along(edges, places.points, entry.count, width, key=key)
     else:
         chosen = [places.nodes(entry, key)]
-    found = []
+    holds = []
     for middle in chosen:
-        own = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
-        areas = body.node_area[own]
+        nodes = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
+        areas = body.node_area[nodes]
         normal = outward(places.cells, places.points, middle)
-        found.append(_Hold(own + body.first_node, areas, positions[own], normal))
-    return found
+        holds.append(_Hold(nodes + body.first_node, areas, positions[nodes], normal))
+    return holds
 
 
 def _grip(entry: Gripper, name: str, holds: Sequence[_Hold], key: str) -> Grip:
@@ -492,7 +492,7 @@ def omega2_of_grippers(table: GripperTable, travel: np.ndarray, force: np.ndarra
 
 def active(model: EffectModel) -> list[Effect]:
     """Return one effect per entry of ``[[grippers]]``."""
-    found = []
+    effects = []
     for entry in dict.fromkeys(grip.settings for grip in model.grips):
         grips = [grip for grip in model.grips if grip.settings is entry]
         nodes = f"{sum(grip.nodes.size for grip in grips)} nodes"
@@ -507,8 +507,8 @@ def active(model: EffectModel) -> list[Effect]:
         name = f"gripper {entry.name}"
         if len(grips) > 1:
             name, reason = f"{len(grips)} grippers {entry.name}", f"{reason} each"
-        found.append(Effect(name, True, reason))
-    return found
+        effects.append(Effect(name, True, reason))
+    return effects
 
 
 def _or_never(value: float | None) -> float:

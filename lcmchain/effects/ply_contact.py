@@ -29,11 +29,11 @@ def active(model: EffectModel) -> list[Effect]:
         return [Effect("contact between plies", False, "they pass through each other")]
     stiffness = range_in_words(1e-9 * contact.data.penalty)
     effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
-    own = [
+    with_itself = [
         body.name for ply, body in enumerate(model.bodies) if contact.data.interface[ply, ply] >= 0
     ]
-    if own:
-        effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(own)}"))
+    if with_itself:
+        effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(with_itself)}"))
     # the places for laws that no interface uses have nothing to say
     laws = [law for law in contact.laws if hasattr(law, "title")]
     return [*effects, *(Effect(law.title(), True, law.reason()) for law in laws)]

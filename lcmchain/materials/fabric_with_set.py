@@ -281,7 +281,7 @@ class FabricWithSetMaterial(FabricMaterial):
 
     def without_memory(self) -> FabricMaterial:
         """Return the fabric that leaves no set."""
-        own = dict(self.compaction)
-        own.pop("permanent_set")
-        entries = dict(self) | {"law": "fabric", "compaction": FabricCompaction(**own)}
+        compaction = dict(self.compaction)
+        compaction.pop("permanent_set")
+        entries = dict(self) | {"law": "fabric", "compaction": FabricCompaction(**compaction)}
         return FabricMaterial(**entries)

@@ -235,15 +235,15 @@ class Hyperelastic:
         )
         # (m, d, γ) of (E11, E22, 2 E12)
         read = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
-        own = [0, 1, 3]
+        in_plane = [0, 1, 3]
         S = np.zeros(E.shape, dtype=M.dtype)
-        S[..., own] = np.concatenate([S_mean[..., None], S_turn], axis=-1) @ read
+        S[..., in_plane] = np.concatenate([S_mean[..., None], S_turn], axis=-1) @ read
         S[..., 2] = K * (J - 1.0) * J / C33
         S[..., 4:] = self.law.shear * E[..., 4:]
         C = np.zeros((*E.shape, 6), dtype=M.dtype)
-        C[..., np.ix_(own, own)[0], np.ix_(own, own)[1]] = read.T @ M @ read
+        C[..., np.ix_(in_plane, in_plane)[0], np.ix_(in_plane, in_plane)[1]] = read.T @ M @ read
         of_D = (K * (2.0 - 1.0 / J))[..., None] * np.stack([m - d, m + d, -gamma], axis=-1)
-        C[..., own, 2], C[..., 2, own] = of_D, of_D
+        C[..., in_plane, 2], C[..., 2, in_plane] = of_D, of_D
         C[..., 2, 2] = K * J / C33**2
         C[..., 4, 4] = C[..., 5, 5] = self.law.shear
         return S, C

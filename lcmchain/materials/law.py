@@ -577,8 +577,8 @@ def bending_stress_in_step(
     S, losses = np.zeros(6), bending_losses_of(material)
     if losses is None or history is None:
         return S
-    own = own_memory(material.law, losses.memory, history)
-    after = losses.in_step(E[:2] / height, own, 0.0 if step is None else step.size)
+    before = own_memory(material.law, losses.memory, history)
+    after = losses.in_step(E[:2] / height, before, 0.0 if step is None else step.size)
     S[:2] = height * losses.per_stiffness * losses.moments(after)
     return S
 

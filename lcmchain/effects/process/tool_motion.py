@@ -32,14 +32,14 @@ SWITCH = Switch(
 def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool that can move."""
     tools = model.tools
-    found = []
+    effects = []
     for tool, name in enumerate(model.tool_names):
         if tools.motion_kind[tool] == GUIDED:
             load = tools.force[tool] + tools.mass[tool] * tools.gravity_along[tool]
             reason = f"{tools.mass[tool]:g} kg under {load:.4g} N along its direction"
             if np.isfinite(tools.stop[tool]):
                 reason += f", up to a stop at {1e3 * abs(tools.stop[tool]):.4g} mm"
-            found.append(Effect(f"guided tool {name}", True, reason))
+            effects.append(Effect(f"guided tool {name}", True, reason))
         elif tools.motion_kind[tool] == PRESCRIBED:
             times = np.linspace(0.0, model.process_time, 101)
             travel = np.array([prescribed_travel(tools, tool, time)[0] for time in times])
@@ -54,5 +54,5 @@ def active(model: EffectModel) -> list[Effect]:
                 reason = f"between {factor * low:.4g} and {factor * high:.4g} {unit}, {reason}"
             if np.isfinite(tools.until_force[tool]):
                 reason += f", or until a force of {tools.until_force[tool]:.4g} N"
-            found.append(Effect(f"prescribed motion of {name}", moving.size > 0, reason))
-    return found
+            effects.append(Effect(f"prescribed motion of {name}", moving.size > 0, reason))
+    return effects

@@ -63,18 +63,18 @@ def remarks(scene: EffectScene) -> list[str]:
         entries.append(("compaction", "material.viscous.compaction"))
     if any(material.bending_resists_rates for material in materials):
         entries.append(("bending", "material.bending.viscous_1 and viscous_2"))
-    found = [
+    remarks = [
         f"the viscous {what} takes process.time = {1e3 * scene.process.time:.4g} ms for the time "
         "of the real process; where it is a shorter one, give the viscosities and relaxation times "
         f"of {entry} multiplied by process.time over the real time: the stresses are the same"
         for what, entry in entries
     ]
-    if not found:
+    if not remarks:
         return []
     if scene.process.mass_scaling is not None:
-        found.append(
+        remarks.append(
             "process.mass_scaling leaves the viscous stresses as they are, if the process is slow "
             "enough for its inertia to play no part; vibrations of a heavier sheet are slower, and "
             "are resisted as such"
         )
-    return found
+    return remarks

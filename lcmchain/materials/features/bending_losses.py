@@ -176,10 +176,10 @@ class BendingLosses:
 
     def moments(self, memory: np.ndarray) -> np.ndarray:
         """Return the moments (2, ...) [N] that the memory at the end of a step tells."""
-        found = dict(zip((entry.name for entry in self.memory), memory, strict=True))
+        values = dict(zip((entry.name for entry in self.memory), memory, strict=True))
         names = ("bending_friction_moment", "viscous_bending_moment")
         return np.array(
-            [sum(found.get(f"{name}_{number}", 0.0) for name in names) for number in DIRECTIONS]
+            [sum(values.get(f"{name}_{number}", 0.0) for name in names) for number in DIRECTIONS]
         )
 
     def lost(self, name: str, memory: np.ndarray) -> np.ndarray:
@@ -206,44 +206,46 @@ def memory_of(rubs: bool, term_count: int | None) -> tuple[Remembered, ...]:
 
     term_count : of each direction, None for a law that does not know the rate.
     """
-    found = [
+    entries = [
         Remembered(f"curvature_before_{d}", "1/m", f"curvature along fibres {d} a step before")
         for d in DIRECTIONS
     ]
     if rubs:
         told = "moment per width of the friction in bending along fibres"
-        found += [
+        entries += [
             Remembered(f"bending_friction_moment_{d}", "N", f"{told} {d}") for d in DIRECTIONS
         ]
         told = "energy lost to friction in bending, per volume"
-        found.append(Remembered("bending_friction_loss", "J/m3", told))
+        entries.append(Remembered("bending_friction_loss", "J/m3", told))
     if term_count is not None:
         told = "moment per width that depends on the rate of bending along fibres"
-        found += [Remembered(f"viscous_bending_moment_{d}", "N", f"{told} {d}") for d in DIRECTIONS]
+        entries += [
+            Remembered(f"viscous_bending_moment_{d}", "N", f"{told} {d}") for d in DIRECTIONS
+        ]
         told = "energy lost to the rate of bending, per volume"
-        found.append(Remembered("viscous_bending_loss", "J/m3", told))
+        entries.append(Remembered("viscous_bending_loss", "J/m3", told))
         told = "moment per width of Maxwell element"
-        found += [
+        entries += [
             Remembered(f"relaxing_bending_moment_{d}_{k}", "N", f"{told} {k} along fibres {d}")
             for d in DIRECTIONS
             for k in range(1, term_count + 1)
         ]
-    return tuple(found)
+    return tuple(entries)
 
 
 def elements_of(rubs: bool, term_count: int | None) -> tuple[Element, ...]:
     """Return the elements of such a law, those of friction first."""
     places = {entry.name: i for i, entry in enumerate(memory_of(rubs, term_count))}
-    found = []
+    elements = []
     if rubs:
-        found += [
+        elements += [
             Element(
                 places[f"bending_friction_moment_{d}"], d,
                 f"friction_stiffness_{d}", f"friction_curvature_{d}", False,
             )
             for d in DIRECTIONS
         ]  # fmt: skip
-    found += [
+    elements += [
         Element(
             places[f"relaxing_bending_moment_{d}_{k}"], d,
             f"relaxing_stiffness_{d}_{k}", f"bending_time_{d}_{k}", True,
@@ -251,7 +253,7 @@ def elements_of(rubs: bool, term_count: int | None) -> tuple[Element, ...]:
         for d in DIRECTIONS
         for k in range(1, (term_count or 0) + 1)
     ]  # fmt: skip
-    return tuple(found)
+    return tuple(elements)
 
 
 # --- compiled -------------------------------------------------------------------------------------

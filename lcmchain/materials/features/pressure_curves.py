@@ -112,16 +112,16 @@ def read_pressure_curves(path: Path) -> list[dict[str, Any]]:
     read, _ = read_columns(path, COLUMNS, minimum_rows=4)
     angle = read.columns["shear angle"]
     starts = np.flatnonzero(np.append(True, np.abs(np.diff(angle)) > SAME_ANGLE))
-    found: list[dict[str, Any]] = []
+    curves: list[dict[str, Any]] = []
     for first, last in zip(starts, [*starts[1:], len(angle)], strict=True):
-        if found and angle[first] <= angle[first - 1]:
+        if curves and angle[first] <= angle[first - 1]:
             raise _wrong(
                 path, read, int(first), "shear angle",
                 "is less than that of the row before; let the rows of an angle follow each other, "
                 "and the angles rise from 0 deg",
             )  # fmt: skip
-        found.append(_curve(path, read, np.arange(first, last)))
-    return found
+        curves.append(_curve(path, read, np.arange(first, last)))
+    return curves
 
 
 def _curve(path: Path, read: Columns, rows: np.ndarray) -> dict[str, Any]:

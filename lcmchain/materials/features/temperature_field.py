@@ -66,8 +66,8 @@ class TemperatureField:
         next_column = np.minimum(column + 1, len(self.x) - 1)
         low = grid[row, column] * (1.0 - right) + grid[row, next_column] * right
         high = grid[next_row, column] * (1.0 - right) + grid[next_row, next_column] * right
-        found: np.ndarray = low * (1.0 - above) + high * above
-        return found
+        values: np.ndarray = low * (1.0 - above) + high * above
+        return values
 
     def rate_factor(self, temperature: np.ndarray) -> np.ndarray:
         """Return 1/a at temperatures [K]."""
