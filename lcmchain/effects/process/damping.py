@@ -1,6 +1,6 @@
 """Mass-proportional damping of the nodes, of all their motion or of the unsteady part of it.
 
-Adds: a force -α m v; or -α m (v - w) with the mean w of the node's velocity over about the time τ,
+Adds: a force -α m v, or -α m (v - w) with the mean w of the node's velocity over about the time τ:
 τ dw/dt = v - w. The latter is a dashpot between the node and a companion of mass α τ m that nothing
 else holds. Steady drawing is not resisted, vibrations faster than τ are damped as by the former,
 and slower motions feel the companion's inertia instead of a drag.
