@@ -188,7 +188,7 @@ class BendingLosses:
         return memory[names.index(name)] if name in names else np.zeros(np.shape(memory)[1:])
 
 
-class Element(NamedTuple):
+class BendingElement(NamedTuple):
     """A moment that a law remembers: names of its modulus and length, and what drives it.
 
     place : in what the law remembers of the bending. of_rate : whether time relaxes it.
@@ -211,42 +211,42 @@ def memory_of(rubs: bool, term_count: int | None) -> tuple[Remembered, ...]:
         for d in DIRECTIONS
     ]
     if rubs:
-        told = "moment per width of the friction in bending along fibres"
+        meaning = "moment per width of the friction in bending along fibres"
         entries += [
-            Remembered(f"bending_friction_moment_{d}", "N", f"{told} {d}") for d in DIRECTIONS
+            Remembered(f"bending_friction_moment_{d}", "N", f"{meaning} {d}") for d in DIRECTIONS
         ]
-        told = "energy lost to friction in bending, per volume"
-        entries.append(Remembered("bending_friction_loss", "J/m3", told))
+        meaning = "energy lost to friction in bending, per volume"
+        entries.append(Remembered("bending_friction_loss", "J/m3", meaning))
     if term_count is not None:
-        told = "moment per width that depends on the rate of bending along fibres"
+        meaning = "moment per width that depends on the rate of bending along fibres"
         entries += [
-            Remembered(f"viscous_bending_moment_{d}", "N", f"{told} {d}") for d in DIRECTIONS
+            Remembered(f"viscous_bending_moment_{d}", "N", f"{meaning} {d}") for d in DIRECTIONS
         ]
-        told = "energy lost to the rate of bending, per volume"
-        entries.append(Remembered("viscous_bending_loss", "J/m3", told))
-        told = "moment per width of Maxwell element"
+        meaning = "energy lost to the rate of bending, per volume"
+        entries.append(Remembered("viscous_bending_loss", "J/m3", meaning))
+        meaning = "moment per width of Maxwell element"
         entries += [
-            Remembered(f"relaxing_bending_moment_{d}_{k}", "N", f"{told} {k} along fibres {d}")
+            Remembered(f"relaxing_bending_moment_{d}_{k}", "N", f"{meaning} {k} along fibres {d}")
             for d in DIRECTIONS
             for k in range(1, term_count + 1)
         ]
     return tuple(entries)
 
 
-def elements_of(rubs: bool, term_count: int | None) -> tuple[Element, ...]:
+def elements_of(rubs: bool, term_count: int | None) -> tuple[BendingElement, ...]:
     """Return the elements of such a law, those of friction first."""
     places = {entry.name: i for i, entry in enumerate(memory_of(rubs, term_count))}
     elements = []
     if rubs:
         elements += [
-            Element(
+            BendingElement(
                 places[f"bending_friction_moment_{d}"], d,
                 f"friction_stiffness_{d}", f"friction_curvature_{d}", False,
             )
             for d in DIRECTIONS
         ]  # fmt: skip
     elements += [
-        Element(
+        BendingElement(
             places[f"relaxing_bending_moment_{d}_{k}"], d,
             f"relaxing_stiffness_{d}_{k}", f"bending_time_{d}_{k}", True,
         )
@@ -275,7 +275,7 @@ class LosingLaw(Protocol):
     """A class of laws whose bending loses energy: what it remembers of it, and its elements."""
 
     bending_memory: tuple[Remembered, ...]
-    bending_elements: tuple[Element, ...]
+    bending_elements: tuple[BendingElement, ...]
     bending_resists_rates: bool
 
 
@@ -289,7 +289,7 @@ def _tuple(terms: list[str]) -> str:
 
 def _of(
     law_class: type[LosingLaw], direction: int | None, *, of_rate: bool
-) -> list[tuple[int, Element]]:
+) -> list[tuple[int, BendingElement]]:
     """Return the elements of a direction with their numbers."""
     return [
         (number, element)
@@ -298,7 +298,7 @@ def _of(
     ]
 
 
-def _own_text(law_class: type[LosingLaw]) -> str:
+def _past_text(law_class: type[LosingLaw]) -> str:
     first = place_in_memory(law_class, law_class.bending_memory[0])
     places = [*range(first, first + len(law_class.bending_memory))]
     if law_class.bending_resists_rates:
@@ -306,7 +306,7 @@ def _own_text(law_class: type[LosingLaw]) -> str:
     return "lambda law, history: " + _tuple([f"history[{k}]" for k in places])
 
 
-@unrolled(_own_text)
+@unrolled(_past_text)
 def past_numbers(law, history):
     """Return what the law remembers of its bending, and the size of the step if it counts."""
 

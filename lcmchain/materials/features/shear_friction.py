@@ -125,12 +125,12 @@ def evolved_shear_friction(law, g, elastic, history):
     return ()
 
 
-def _own_text(law_class: type) -> str:
+def _past_text(law_class: type) -> str:
     first = place_in_memory(law_class, MEMORY[0])
     return f"lambda law, history: (history[{first}], history[{first + 1}], history[{first + 2}])"
 
 
-@unrolled(_own_text)
+@unrolled(_past_text)
 def past_numbers(law, history):
     """Return shear strain, moment and loss of the step before."""
 
