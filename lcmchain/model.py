@@ -13,7 +13,13 @@ import numpy as np
 
 from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import depth_control, gap_left, pressure_in_gap
-from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, build_face_pressure
+from lcmchain.effects.face_pressure import (
+    FacePressure,
+    PressureOnFace,
+    RegionalPressure,
+    build_face_pressure,
+    build_regional_pressure,
+)
 from lcmchain.effects.fibre_bending import (
     FORCE_ROWS,
     FibreBending,
@@ -21,11 +27,10 @@ from lcmchain.effects.fibre_bending import (
     frequency_bound,
 )
 from lcmchain.effects.grippers import Grip, Gripper, GripperTable, gripper_table, grips_of
-from lcmchain.effects.mass_scaling import weight_per_inertia, with_added_mass
-from lcmchain.effects.pace import PaceLaw, pace_law
-from lcmchain.effects.pore_columns import PoreColumns
+from lcmchain.effects.pore_pressure import PoreColumns
 from lcmchain.effects.pressures import pressures_of
-from lcmchain.effects.regional_pressure import RegionalPressure, build_regional_pressure
+from lcmchain.effects.process.mass_scaling import weight_per_inertia, with_added_mass
+from lcmchain.effects.process.pace import PaceLaw, pace_law
 from lcmchain.effects.supports import Support, SupportTable, build_supports
 from lcmchain.elements.blocks import EMPTY_ROWS, LANES, NODE_CHUNK
 from lcmchain.elements.families import SheetElement, family_of

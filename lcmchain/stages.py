@@ -13,10 +13,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lcmchain.effects.face_pressure import FacePressure, PressureOnFace, common_times
+from lcmchain.effects.face_pressure import (
+    FacePressure,
+    PressureOnFace,
+    RegionalPressure,
+    common_times,
+    regional_shares,
+)
 from lcmchain.effects.grippers import RAMP_PART, Grip, Gripper, GripperTable
-from lcmchain.effects.pace import PaceLaw, pace_law
-from lcmchain.effects.regional_pressure import RegionalPressure, regional_shares
+from lcmchain.effects.process.pace import PaceLaw, pace_law
 from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, translation
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError

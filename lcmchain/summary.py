@@ -15,7 +15,7 @@ import numpy as np
 from lcmchain import __version__
 from lcmchain.check import run_effects
 from lcmchain.check.tool_strokes import tools_never_touched
-from lcmchain.effects.mass_scaling import added_mass
+from lcmchain.effects.process.mass_scaling import added_mass
 from lcmchain.judgements.contact import penetration_warnings
 from lcmchain.judgements.fibre_strain import fibre_strain_measures, fibre_strain_warnings
 from lcmchain.judgements.quasi_static import (

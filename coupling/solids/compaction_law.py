@@ -13,6 +13,7 @@ import numpy as np
 
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.jit import routine
+from lcmchain.materials.features.shear_compaction import free_stretch
 from lcmchain.materials.law import (
     Material,
     evolved_history,
@@ -20,7 +21,6 @@ from lcmchain.materials.law import (
     load_history,
     store_history,
 )
-from lcmchain.materials.shear_compaction import free_stretch
 
 # Thickness stretches at which the largest pressure of the law is searched.
 GRID = np.linspace(1.0, 0.05, 96)

@@ -2,7 +2,7 @@
 
 The fluid has one pressure in each *column*, which goes through all plies and the gaps between them.
 The elements of the ply with the largest area are the columns. An element of another ply belongs to
-the columns that its area overlaps at present. :mod:`lcmchain.effects.pore_columns` says where the
+the columns that its area overlaps at present. :mod:`lcmchain.effects.pore_pressure` says where the
 pressure acts.
 """
 
@@ -17,7 +17,7 @@ from scipy.sparse import coo_array, csr_array
 
 from lcmchain.coupling.infiltration.formed_part import blocks_of
 from lcmchain.coupling.solids.explicit import DAMPED_SHARE, ExplicitForming, SavedForming
-from lcmchain.effects.pore_columns import PoreColumns, mobilities, of_columns
+from lcmchain.effects.pore_pressure import PoreColumns, mobilities, of_columns
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.fields.stack import REACH

@@ -18,9 +18,9 @@ from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.solids.compaction_law import MOST_ITERATIONS, ROUND_OFF, CellCompaction
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.mapping.plies import SHARE
+from lcmchain.materials.features.pressure_table import PressureTable
+from lcmchain.materials.features.shear_compaction import coupling_of, free_stretch
 from lcmchain.materials.law import Material, couples_shear
-from lcmchain.materials.pressure_table import PressureTable
-from lcmchain.materials.shear_compaction import coupling_of, free_stretch
 from lcmchain.scene.reading.single_tables import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lcmchain.effects.pore_columns import unit_loads
-from lcmchain.effects.pore_pressure import pore_forces
+from lcmchain.effects.pore_pressure import pore_forces, unit_loads
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.pressed_elements import LOAD_ROWS

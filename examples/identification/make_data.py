@@ -27,9 +27,9 @@ from lcmchain.identification.synthetic import (
     shear_loop_curve,
     write_coupon,
 )
-from lcmchain.materials.dahl import Friction
-from lcmchain.materials.shear_friction import ShearFriction
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
+from lcmchain.materials.features.rheology import Friction
+from lcmchain.materials.features.shear_friction import ShearFriction
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.scene import read_scene
 
 NOISE = 0.02

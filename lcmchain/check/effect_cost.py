@@ -18,9 +18,15 @@ import numpy as np
 
 from lcmchain.check.expected_cost import keep_numbers, kept_numbers, speed_key
 from lcmchain.compilation.threads import thread_count, use_threads
-from lcmchain.effects.audit import effects_of, switches
 from lcmchain.effects.effect import Effect
-from lcmchain.effects.switches import Switchable, settings_of, switchable_effects, with_effect
+from lcmchain.effects.switches import (
+    Switchable,
+    effects_of,
+    settings_of,
+    switchable_effects,
+    switches,
+    with_effect,
+)
 from lcmchain.model import Model
 from lcmchain.scene import Infiltration, Scene, Structure
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation

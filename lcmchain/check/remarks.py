@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lcmchain.effects import viscous_shear
+from lcmchain.effects.sheet import viscous_shear
 from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.quantities.readable import two_digits
 from lcmchain.scene import Scene, left_out_of

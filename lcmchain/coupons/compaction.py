@@ -28,8 +28,8 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
 from lcmchain.materials.fabric import Fabric, FabricMaterial
+from lcmchain.materials.features.shear_compaction import free_stretch
 from lcmchain.materials.law import couples_shear
-from lcmchain.materials.shear_compaction import free_stretch
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.report.style import INK, SERIES

@@ -33,10 +33,10 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.materials.fabric import FabricMaterial
-from lcmchain.materials.law import Material, couples_shear
-from lcmchain.materials.shear_compaction import free_stretch
-from lcmchain.materials.shear_friction import shear_friction_of
-from lcmchain.materials.viscous_shear import viscous_of
+from lcmchain.materials.features.shear_compaction import free_stretch
+from lcmchain.materials.features.shear_friction import shear_friction_of
+from lcmchain.materials.features.viscous_shear import viscous_of
+from lcmchain.materials.law import Material, couples_shear, own_memory
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.quantities.units import ANGLE, Dimension
 from lcmchain.report.style import INK, SERIES
@@ -367,10 +367,10 @@ def _shear_stress(simulation: Simulation, snapshot: Snapshot) -> float:
     strain = np.zeros((past.shape[1], 6))
     viscous = viscous_of(body.material)
     assert viscous is not None
-    shear, of_rate = viscous.own_memory(body.material.law, past)[:2]
+    shear, of_rate = own_memory(body.material.law, viscous.memory, past)[:2]
     friction = shear_friction_of(body.material)
     if friction is not None:
-        _, moment, _ = friction.own_memory(body.material.law, past)
+        _, moment, _ = own_memory(body.material.law, friction.memory, past)
         of_rate = of_rate + friction.stress_of(shear, shear, moment)
     strain[:, 3] = shear
     strain[:, 2] = 0.5 * (free_stretch(body.material, shear) ** 2 - 1.0)

@@ -14,9 +14,9 @@ from lcmchain.compilation.threads import use_threads
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import derive_fields
+from lcmchain.materials.features.shear_compaction import free_shear_stress
 from lcmchain.materials.law import Material
 from lcmchain.materials.laws import AnyMaterial
-from lcmchain.materials.shear_compaction import free_shear_stress
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import build_model
 from lcmchain.quantities.units import LENGTH, Dimension

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from lcmchain.effects.effect import Effect, Refusal, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch, refused
 from lcmchain.jit import equation
 from lcmchain.quantities.entry_types import (
     AbsentMeans,
@@ -36,7 +36,7 @@ SHAPES = {
     FIELD: "distance field of a surface mesh",
 }
 
-#: What ways into a tool or out of it are at least [m]: the square of it is still normal.
+#: Least way into a tool or out of it that is divided by [m]; its square is still a normal number.
 SHORTEST_WAY = 1e-100
 
 
@@ -44,12 +44,12 @@ SHORTEST_WAY = 1e-100
 def normal_force(stiffness, damping, gap, velocity, mobility, acceleration, dt_last, dt):
     """Return the pressure force [N], what damping takes off the spring's [N], and its energy [J].
 
-    The spring counts only for the parts of the two neighbouring steps that the node spends inside.
-    To the order of the step this closes the energy balance of the steps that cross the surface;
-    with the full force ½ k ab is lost where a node goes from a outside to b inside, and gained on
+    The spring acts only in the parts of the two neighbouring steps that the node spends inside. To
+    the order of the step this closes the energy balance of the steps that cross the surface. With
+    the full force ½ k ab would be lost where a node goes from a outside to b inside, and gained on
     the way out. The damping acts on the mean of the velocities before and after the step, as in
-    :mod:`lcmchain.effects.damping`: it then limits no step, and what it takes is exactly what the
-    motion loses. Adhesion is excluded.
+    :mod:`.process.damping`: it then limits no step, and what it takes is exactly what the motion
+    loses. Adhesion is excluded.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ SWITCH = Switch(
 )
 
 
-def _without_tools(scene: Any) -> dict[str, Any]:
+def _without_tools(scene: EffectScene) -> dict[str, Any]:
     guided = [tool.name for tool in scene.tools if tool.motion.kind == GUIDED]
     if guided:
         raise Refusal(
@@ -118,13 +118,13 @@ def _without_tools(scene: Any) -> dict[str, Any]:
     return {"tools": ()}
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool, and the damping."""
-    found = [
+    contacts = [
         Effect(f"contact with {name}", True, SHAPES[kind])
         for name, kind in zip(model.tool_names, model.tools.kind.tolist(), strict=True)
     ]
-    if not found:
+    if not contacts:
         return [Effect("contact", False, "the scene has no tool")]
     ratio = model.environment.contact_damping_ratio
-    return [*found, Effect("contact damping", ratio > 0.0, f"{ratio:g} of critical")]
+    return [*contacts, Effect("contact damping", ratio > 0.0, f"{ratio:g} of critical")]

@@ -3,18 +3,19 @@
 Adds: to the depth of every node in a tool an offset h, which the spring of the contact feels as
 further depth: p = k (depth + h), dh/dt = (1 + s) depth / τ, h >= 0, and h = 0 where the node has
 left. s is about the stiffness of the sheet over its thickness relative to k: a stiff sheet gives
-way by 1/(1 + s) of what the offset moves. A
-sheet that is pressed steadily ends with depth 0 under a pressure that no longer depends on the
-contact stiffness k. Without it two plates that close to a gap leave the sheet thicker by twice the
-depth p/k, and a compaction law that stiffens by orders of magnitude turns this into a force that is
-too low by tens of percent. The spring's energy is ½ k (depth + h)² - ½ k h², which vanishes with
-the depth; what a change of h adds to it, k depth dh, counts as external work.
+way by 1/(1 + s) of what the offset moves. A sheet that is pressed steadily ends with depth 0, under
+a pressure that no longer depends on the contact stiffness k. Without the offset two plates that
+close to a gap leave the sheet thicker by twice the depth p/k. A compaction law that stiffens by
+orders of magnitude turns this into a force that is too low by tens of percent. The spring's energy
+is ½ k (depth + h)² - ½ k h², which vanishes with the depth. What a change of h adds to it,
+k depth dh, counts as external work.
 Source: augmented Lagrange multipliers, e.g. Wriggers, "Computational Contact Mechanics", section
 6.3.3, with an update at every step.
-Stability limit: none of its own, since the stiffness within a step stays k; but an offset that
+Stability limit: none of its own, since the stiffness within a step stays k. But an offset that
 follows too fast feeds the vibration on the contact springs. With the damping c of the contact it
-stays calm for τ > m/c (Routh: τ/(1 + s) > m/c k/(k + K) on a sheet of the stiffness K = s k); τ is
-at least ten times as much, and n² times that for n sheets on each other, which breathe more slowly.
+stays calm for τ > m/c (Routh: τ/(1 + s) > m/c k/(k + K) on a sheet of the stiffness K = s k). τ is
+at least ten times as much, and n² times that for n sheets on each other, whose thickness vibrates
+more slowly.
 Scene: ``contact.depth``; automatically where tools with prescribed motions come nearer to each
 other than the sheet is thick, and ``contact.penalty`` is left to the program. Not with a guided
 tool: it may swing on its contact, and the thickness under a given force does not depend on k.
@@ -26,16 +27,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from lcmchain.effects.effect import Effect, Refusal, Switch, of_table
+from lcmchain.effects.contact import Contact
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch, of_table
 from lcmchain.jit import equation
+from lcmchain.materials.law import Material
+from lcmchain.mesh.sheet_mesh import SheetMesh
 from lcmchain.tools.closest_gap import closest_gaps, places_of_sheet, side_of_sheet, times_of_motion
-from lcmchain.tools.table import yields
+from lcmchain.tools.table import ToolTable, yields
 
-#: Time over which the depth goes to zero: this part of the process, and at least so many times m/c.
+#: Time over which the depth goes to zero: this part of the process, at least so many times m/c.
 PART_OF_PROCESS = 1.0 / 200.0
 LEAST_DAMPED_TIMES = 10.0
 #: Tools close on the sheet where they leave less than this part of its thickness.
@@ -64,20 +68,30 @@ def offset_change(depth, offset, share, stiffening):
     return max(change, max(-offset, -(depth + offset)))
 
 
+class ToolsAtWork(Protocol):
+    """Which tools are at work in a stage of the process, and its start and end [s]."""
+
+    @property
+    def tools(self) -> Sequence[bool]: ...
+    @property
+    def start(self) -> float: ...
+    @property
+    def end(self) -> float: ...
+
+
 def depth_control(
-    contact: Any,
-    tools: Any,
+    contact: Contact,
+    tools: ToolTable,
     gap: float,
-    materials: Sequence[Any],
+    materials: Sequence[Material],
     process_time: float,
     rate: float,
 ) -> tuple[float | None, float]:
-    """Return the time τ [s], None where depths are left, and how s grows with p/k [1/m].
+    """Return the time τ [s], None where depths stay, and how s grows with p/k [1/m].
 
     Parameters
     ----------
-    contact : table of a scene. tools : :class:`lcmchain.tools.table.ToolTable`.
-    gap : from :func:`gap_left` [m]. materials : of the sheets.
+    contact : table of a scene. gap : from :func:`gap_left` [m]. materials : of the sheets.
     rate : smallest c/m of the nodes on their contact springs [1/s].
     """
     wanted = getattr(contact, "depth", FREE)
@@ -94,13 +108,15 @@ def depth_control(
 
 
 def gap_left(
-    tools: Any, meshes: Sequence[Any], process_time: float, stages: Sequence[Any] = ()
+    tools: ToolTable,
+    meshes: Sequence[SheetMesh],
+    process_time: float,
+    stages: Sequence[ToolsAtWork] = (),
 ) -> float:
     """Return the smallest gap that tools of given motions leave near the sheets [m].
 
     Infinite with a tool that a force guides or stops, fewer than two tools, or no time. Two tools
-    on the same side of the flat sheets have none of them between them: a holder may overlap the
-    punch that moves in it.
+    on the same side have no sheet between them: a holder may overlap the punch that moves in it.
 
     stages : of the process (:class:`lcmchain.scene.stages.StagePlan`): only tools that are at work
         in one of them together leave a gap, and a guided one says nothing of those without it.
@@ -114,10 +130,10 @@ def gap_left(
     return closest_gap(tools, meshes, process_time, known) if known else math.inf
 
 
-def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
+def pressure_in_gap(gap: float, materials: Sequence[Material]) -> float:
     """Return the pressure of sheets that lie over each other in a gap [m], from their laws [Pa].
 
-    0 where they are not pressed, or nothing resists; beyond ``MOST_COMPACTED`` it is that there.
+    0 where they are not pressed, or nothing resists. Beyond ``MOST_COMPACTED`` it no longer grows.
     """
     if gap >= sum(material.thickness for material in materials):
         return 0.0
@@ -125,13 +141,13 @@ def pressure_in_gap(gap: float, materials: Sequence[Any]) -> float:
     each = [np.maximum.accumulate(nominal_pressure(material, stretch)) for material in materials]
     pressure = np.unique(np.concatenate(each))
     height = sum(
-        material.thickness * np.interp(pressure, own, stretch)
-        for material, own in zip(materials, each, strict=True)
+        material.thickness * np.interp(pressure, pressures, stretch)
+        for material, pressures in zip(materials, each, strict=True)
     )
     return float(np.interp(-gap, -height, pressure))
 
 
-def stiffening_of(material: Any) -> float:
+def stiffening_of(material: Material) -> float:
     """Return by how much s grows with pressure over k [1/m].
 
     A law that stiffens has a tangent that is about proportional to its pressure p. Pressed between
@@ -145,8 +161,8 @@ def stiffening_of(material: Any) -> float:
 
 
 def closest_gap(
-    tools: Any,
-    meshes: Sequence[Any],
+    tools: ToolTable,
+    meshes: Sequence[SheetMesh],
     process_time: float,
     together: Sequence[tuple[Sequence[int], float, float]] = (),
 ) -> float:
@@ -170,7 +186,7 @@ def closest_gap(
     )
 
 
-def nominal_pressure(material: Any, stretch: np.ndarray) -> np.ndarray:
+def nominal_pressure(material: Material, stretch: np.ndarray) -> np.ndarray:
     """Return the pressure λ |S33| [Pa] of a law at stretches λ (n,) over the thickness alone.
 
     0 where the law pulls.
@@ -189,7 +205,7 @@ SWITCH = Switch(
 )
 
 
-def _held(scene: Any) -> dict[str, Any]:
+def _held(scene: EffectScene) -> dict[str, Any]:
     if not scene.tools:
         raise Refusal("there are no tools; add [[tools]]")
     if scene.contact.damping_ratio == 0.0:
@@ -197,7 +213,7 @@ def _held(scene: Any) -> dict[str, Any]:
     return of_table("contact", depth=HELD)(scene)
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     time = model.environment.depth_time
     name = "depth in the tools driven to zero"
     if time is None:

@@ -1,9 +1,23 @@
-"""Whether a piece of physics is in a compiled model, and why; and whether a scene may switch it."""
+"""Whether a piece of physics is in a compiled model, and why; and whether a scene may switch it.
+
+Scene and model lie above the effects: :class:`EffectScene` and :class:`EffectModel` are what
+effects read of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, Self
+
+import numpy as np
+
+from lcmchain.elements.families import SheetElement
+from lcmchain.elements.family import Body
+from lcmchain.materials.law import Material
+from lcmchain.materials.table import MaterialTable
+from lcmchain.quantities.entry_types import SceneModel
+from lcmchain.tools.table import ToolTable
+from lcmchain.tools.tool import Tool
 
 
 class Effect(NamedTuple):
@@ -16,6 +30,111 @@ class Effect(NamedTuple):
     active: bool
     reason: str
     key: str = ""
+
+
+class EffectPly(Protocol):
+    """What effects read of a ply of a scene."""
+
+    @property
+    def material(self) -> MaterialTable: ...
+    @property
+    def element(self) -> SheetElement: ...
+
+
+class EffectStack(Protocol):
+    """The plies of a scene, and the tables that they are made of by their scene entry."""
+
+    def __iter__(self) -> Iterator[EffectPly]: ...
+    @property
+    def materials(self) -> Mapping[str, MaterialTable]: ...
+    @property
+    def elements(self) -> Mapping[str, SheetElement]: ...
+
+
+class EffectScene(Protocol):
+    """What effects read of a scene, and how they make one with other entries."""
+
+    @property
+    def stack(self) -> EffectStack: ...
+    @property
+    def process(self) -> Any: ...
+    @property
+    def element(self) -> SheetElement: ...
+    @property
+    def plies(self) -> Sequence[Any]: ...
+    @property
+    def material(self) -> MaterialTable | None: ...
+    @property
+    def materials(self) -> Mapping[str, MaterialTable]: ...
+    @property
+    def contact(self) -> Any: ...
+    @property
+    def tools(self) -> Sequence[Tool]: ...
+    @property
+    def pressure(self) -> Sequence[SceneModel]: ...
+    @property
+    def wet_forming(self) -> object: ...
+    @property
+    def effects(self) -> SceneModel: ...
+    def model_copy(self, *, update: dict[str, Any]) -> Self: ...
+
+
+class EffectEnvironment(Protocol):
+    """Scalars of contact, damping and gravity, as :class:`lcmchain.model.Environment`."""
+
+    @property
+    def contact_damping_ratio(self) -> float: ...
+    @property
+    def depth_time(self) -> float | None: ...
+    @property
+    def mass_damping(self) -> float: ...
+    @property
+    def gravity(self) -> float | np.ndarray: ...
+
+
+class EffectModel(Protocol):
+    """What effects read of a compiled model, :class:`lcmchain.model.Model`.
+
+    ``fibre_bending``, ``pore``, ``face_pressure``, ``ply_contact``, ``grips``, ``supports`` and
+    ``pace`` are tables of single effects, of the type that the effect's own file knows.
+    """
+
+    @property
+    def bodies(self) -> Sequence[Body]: ...
+    @property
+    def sheet_mass(self) -> np.ndarray: ...
+    @property
+    def nodes(self) -> Any: ...
+    @property
+    def tools(self) -> ToolTable: ...
+    @property
+    def tool_names(self) -> Sequence[str]: ...
+    @property
+    def environment(self) -> EffectEnvironment: ...
+    @property
+    def averaging(self) -> float | None: ...
+    @property
+    def process_time(self) -> float: ...
+    @property
+    def support_names(self) -> Sequence[str]: ...
+    @property
+    def fibre_bending(self) -> Any: ...
+    @property
+    def pore(self) -> Any: ...
+    @property
+    def face_pressure(self) -> Any: ...
+    @property
+    def ply_contact(self) -> Any: ...
+    @property
+    def grips(self) -> Any: ...
+    @property
+    def supports(self) -> Any: ...
+    @property
+    def pace(self) -> Any: ...
+
+
+#: An answer of a switch: the entries of a scene that change, by their names.
+Answer = Callable[[EffectScene], dict[str, Any]]
 
 
 def range_in_words(values: Iterable[float]) -> str:
@@ -41,65 +160,69 @@ class Switch(NamedTuple):
 
     entry: str
     without: str
-    called: Callable[[Any], bool | None]
-    off: Callable[[Any], dict[str, Any]]
-    on: Callable[[Any], dict[str, Any]]
+    called: Callable[[EffectScene], bool | None]
+    off: Answer
+    on: Answer
     unless: str = ""
 
 
-def refused(reason: str) -> Callable[[Any], dict[str, Any]]:
+def refused(reason: str) -> Answer:
     """Return the answer of a switch that no scene may turn that way."""
 
-    def refuse(scene: Any) -> dict[str, Any]:
+    def refuse(scene: EffectScene) -> dict[str, Any]:
         raise Refusal(reason)
 
     refuse.reason = reason  # type: ignore[attr-defined]
     return refuse
 
 
-def of_table(table: str, **entries: Any) -> Callable[[Any], dict[str, Any]]:
+def of_table(table: str, **entries: object) -> Answer:
     """Return the answer of a switch that sets entries of a table."""
 
-    def change(scene: Any) -> dict[str, Any]:
+    def change(scene: EffectScene) -> dict[str, Any]:
         return {table: getattr(scene, table).model_copy(update=entries)}
 
     return change
 
 
-def stated_by_materials(attribute: str) -> Callable[[Any], bool]:
-    """Return what tells whether the material of any ply states an effect.
+def stated_by_materials(attribute: str) -> Callable[[EffectScene], bool]:
+    """Return the function that tells whether the material of any ply states an effect.
 
     attribute : of a material's table, whether it does.
     """
-    return lambda scene: any(getattr(own, attribute) for own in scene.stack.materials.values())
+    return lambda scene: any(
+        getattr(material, attribute) for material in scene.stack.materials.values()
+    )
 
 
-def out_of_materials(attribute: str, without: str) -> Callable[[Any], dict[str, Any]]:
+def out_of_materials(attribute: str, without: str) -> Answer:
     """Return the answer of a switch that takes an effect out of the materials of all plies.
 
     attribute : of a material's table, whether it states it. without : its method that takes it out.
     """
 
-    def off(scene: Any) -> dict[str, Any]:
-        def changed(material: Any) -> Any:
+    def off(scene: EffectScene) -> dict[str, Any]:
+        def changed(material: MaterialTable | None) -> MaterialTable | None:
             states = material is not None and getattr(material, attribute)
             return getattr(material, without)() if states else material
 
-        changes = {"material": changed(scene.material)}
+        changes: dict[str, Any] = {"material": changed(scene.material)}
         if scene.materials:
-            changes["materials"] = {key: changed(own) for key, own in scene.materials.items()}
+            changes["materials"] = {
+                key: changed(material) for key, material in scene.materials.items()
+            }
         return changes
 
     return off
 
 
-def of_elements(change: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
+def of_elements(change: Callable[[SheetElement], SheetElement]) -> Answer:
     """Return the answer of a switch that changes the elements of every ply.
 
     change : returns the changed table of one element, or raises :class:`Refusal`.
     """
 
-    def changed(scene: Any) -> dict[str, Any]:
+    def changed(scene: EffectScene) -> dict[str, Any]:
         changes: dict[str, Any] = {}
         if "element" in scene.stack.elements:
             changes["element"] = change(scene.element)
@@ -116,29 +239,34 @@ def of_elements(change: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]
 
 
 def of_materials(
-    name: str, model: Any, in_words: Callable[[Any], str | None], nothing: str
+    name: str, model: EffectModel, in_words: Callable[[Material], str | None], nothing: str
 ) -> Effect:
     """Return an effect of the laws of all bodies.
 
     Parameters
     ----------
-    model : a :class:`lcmchain.model.Model`. in_words : says what a material has of it, None for
-        nothing. nothing : the reason where none has it.
+    in_words : says what a material has of it, None for nothing. nothing : the reason where none
+        has it.
     """
     told = dict.fromkeys(filter(None, (in_words(body.material) for body in model.bodies)))
     return Effect(name, bool(told), " and ".join(told) or nothing)
 
 
-def of_the_elements(name: str) -> Callable[[Any], list[Effect]]:
+def of_the_laws(
+    name: str, in_words: Callable[[Material], str | None], nothing: str
+) -> Callable[[EffectModel], list[Effect]]:
+    """Return the function ``active(model)`` of an effect of laws (:func:`of_materials`)."""
+    return lambda model: [of_materials(name, model, in_words, nothing)]
+
+
+def of_the_elements(name: str) -> Callable[[EffectModel], list[Effect]]:
     """Return the function ``active(model)`` of an effect that the elements themselves compute.
 
-    Bodies of which the same is told stand together; their names are told where they are not all.
-
-    What it tells is read from the constants that the kernels of each body are compiled for;
-    ``model`` is a :class:`lcmchain.model.Model`.
+    It is read from the constants that the kernels of each body are compiled for. Bodies with the
+    same answer share an effect, which names them where they are not all.
     """
 
-    def active(model: Any) -> list[Effect]:
+    def active(model: EffectModel) -> list[Effect]:
         alike: dict[tuple[bool, str], list[str]] = {}
         for body in model.bodies:
             effects = body.effects()

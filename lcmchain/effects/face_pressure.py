@@ -3,28 +3,35 @@
 Adds: on the bottom or top face of every element the exact virtual work of a pressure that follows
 the face, f = p ∫ N g1 × g2 dξ dη over the bilinear face. Of a stack the outer faces are pressed:
 the bottom of the lowest ply and the top of the uppermost; contact hands it on. An entry may name
-the ply whose face it presses, and a region (:mod:`lcmchain.effects.regional_pressure`). Together
-with a pore pressure of the same size in the elements only the edges of the sheet are loaded: the
-same faces bound both.
+the ply whose face it presses, and a region. Together with a pore pressure of the same size in the
+elements only the edges of the sheet are loaded: the same faces bound both.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 4.9 (pressure that follows).
 Stability limit: its load stiffness, about p (1/l1 + 1/l2) / (ρ h), is added to the ω² of the
 elements with the largest pressure of the table.
 Scene: ``[[pressure]]``.
 Fields: ``energy_external`` (history) holds its work.
+
+Where all pressures act on whole outer faces, a step needs two numbers: :class:`FacePressure`. Else
+every pressure has its share of every face, :class:`RegionalPressure`: 1 inside its region, the part
+of the area inside where the border cuts the face, 0 beside it. A region is of the material: it is
+named on the flat sheet and moves with it. On a face that the border cuts, that share of the
+pressure acts evenly over the face: resultants are exact, moments about the border to the order of
+an element.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from numba import prange
 from pydantic import Field, model_validator
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.elements.blocks import LANES
+from lcmchain.elements.family import Body
 from lcmchain.elements.pressed_elements import (
     CORNERS,
     LOAD_ROWS,
@@ -34,8 +41,9 @@ from lcmchain.elements.pressed_elements import (
     store_corner,
 )
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
-from lcmchain.jit import equation, kernel, uncounted_routine
-from lcmchain.mesh.places import Where
+from lcmchain.errors import InputError
+from lcmchain.jit import equation, kernel, routine, uncounted_routine
+from lcmchain.mesh.places import Where, area_shares
 from lcmchain.quantities.entry_types import (
     AT_WORK,
     AbsentMeans,
@@ -49,6 +57,7 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.tools.motion.base import smooth_step
 from lcmchain.tools.motion.prescribed import tabulated_travel
 
+SIDES = ("bottom", "top")
 # Straight pieces of a pressure that comes on smoothly: they leave 0.02 % of it.
 RAMP_PIECES = 64
 # Time over which a constant pressure comes on by default, relative to the process.
@@ -168,10 +177,12 @@ class FacePressure(NamedTuple):
         """Return the sum of pressures (L, K) [Pa] at times (K,) [s], each with its face."""
         sums = {
             side: sum(
-                own for face, own in zip(faces, values, strict=True) if face in (side, "both")
+                pressure
+                for face, pressure in zip(faces, values, strict=True)
+                if face in (side, "both")
             )
             + np.zeros_like(times)
-            for side in ("bottom", "top")
+            for side in SIDES
         }
         return cls(elements, times, sums["bottom"], sums["top"])
 
@@ -189,7 +200,7 @@ class FacePressure(NamedTuple):
 
 def build_face_pressure(
     entries: Sequence[PressureOnFace],
-    bodies: Sequence[Any],
+    bodies: Sequence[Body],
     order: Sequence[int],
     process_time: float,
 ) -> FacePressure | None:
@@ -213,7 +224,7 @@ def common_times(
     tables: Sequence[tuple[np.ndarray, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the times of all tables (K,) [s], and the pressures of each then (L, K) [Pa]."""
-    times = np.unique(np.concatenate([own for own, _ in tables]))
+    times = np.unique(np.concatenate([times for times, _ in tables]))
     return times, np.array([np.interp(times, *table) for table in tables])
 
 
@@ -300,6 +311,178 @@ def face_frequencies(elements, position, pressure, omega2):
             omega2[block * LANES + lane] = bound
 
 
+# --- on regions of faces, and on the faces of named plies -----------------------------------------
+
+
+class RegionalPressure(NamedTuple):
+    """Pressures with a share of every face.
+
+    elements : see :class:`PressedElements`.
+    times : (K,) [s]. values : (L * K,) pressures of the L entries [Pa], linear in between.
+    share : (L * 2 * block_count * 16,), of the bottom and the top faces of all lanes.
+    peak : (block_count * 16,) the largest size of a pressure on a face of the lane [Pa].
+    """
+
+    elements: PressedElements
+    times: np.ndarray
+    values: np.ndarray
+    share: np.ndarray
+    peak: np.ndarray
+
+    @classmethod
+    def of_shares(
+        cls, elements: PressedElements, share: np.ndarray, times: np.ndarray, values: np.ndarray
+    ) -> RegionalPressure:
+        """Return pressures (L, K) [Pa] at times (K,) [s] with their shares (L, 2, lanes)."""
+        # the pressures are linear in between: the largest stands at one of the times
+        peak = np.abs(np.einsum("lk,lsn->ksn", values, share)).max(axis=(0, 1))
+        return cls(elements, times, values.ravel(), share.ravel(), peak)
+
+    @property
+    def largest(self) -> float:
+        """Largest size of a pressure on a face [Pa]."""
+        return float(self.peak.max())
+
+    @property
+    def entry_values(self) -> np.ndarray:
+        """Pressures of the entries (L, K) [Pa]."""
+        return self.values.reshape(-1, self.times.size)
+
+    @property
+    def entry_shares(self) -> np.ndarray:
+        """Shares of the entries in the bottom and top faces (L, 2, lanes)."""
+        return self.share.reshape(-1, 2, self.peak.size)
+
+    def size_at(self, time: float) -> float:
+        """Return the largest size of a pressure on a face at a time [Pa]."""
+        now = [np.interp(time, self.times, values) for values in self.entry_values]
+        return float(np.abs(np.einsum("l,lsn->sn", now, self.entry_shares)).max())
+
+
+def build_regional_pressure(
+    entries: Sequence[PressureOnFace],
+    bodies: Sequence[Body],
+    order: Sequence[int],
+    process_time: float,
+) -> RegionalPressure:
+    """Return the table of pressures of which some have a region or a ply.
+
+    Parameters are those of :func:`build_face_pressure`.
+
+    Raises
+    ------
+    InputError : a sheet without thickness, a ply that is not there, or a region beside the sheet.
+    """
+    elements = pressed_elements(bodies, order, key="pressure")
+    times, values = common_times([entry.table(process_time) for entry in entries])
+    share = regional_shares(entries, bodies, elements)
+    return RegionalPressure.of_shares(elements, share, times, values)
+
+
+def regional_shares(
+    entries: Sequence[PressureOnFace],
+    bodies: Sequence[Body],
+    elements: PressedElements,
+    at_work: Sequence[bool] = (),
+) -> np.ndarray:
+    """Return the shares of pressures in the bottom and top faces of all lanes (L, 2, lanes).
+
+    at_work : of every entry; the others have none. All are without it.
+
+    Raises
+    ------
+    InputError : as :func:`build_regional_pressure`.
+    """
+    share = np.zeros((len(entries), 2, elements.padded_count))
+    for index, entry in enumerate(entries):
+        if at_work and not at_work[index]:
+            continue
+        key = f'pressure[{index}] "{entry.name}"'
+        shares = _shares_of(entry, bodies, key)
+        lanes = elements.in_lanes(shares)
+        for side, outer in zip(SIDES, (elements.bottom, elements.top), strict=True):
+            if entry.face in (side, "both"):
+                share[index, SIDES.index(side)] = lanes if entry.ply is not None else lanes * outer
+        if not share[index].any():
+            raise InputError(
+                "presses on no outer face of the stack there; name the ply whose face is meant",
+                key=f"{key}.ply",
+            )
+    return share
+
+
+def _shares_of(entry: PressureOnFace, bodies: Sequence[Body], key: str) -> np.ndarray:
+    """Return the share of an entry in every element of the model, whatever the face."""
+    names = [body.name for body in bodies]
+    if entry.ply is not None and entry.ply not in names:
+        raise InputError(
+            f'there is no ply "{entry.ply}"; there is {", ".join(names)}', key=f"{key}.ply"
+        )
+    shares, beside = [], []
+    for body in bodies:
+        count = body.mesh.element_count
+        if entry.ply not in (None, body.name):
+            shares.append(np.zeros(count))
+        elif not entry.ways:
+            shares.append(np.ones(count))
+        else:
+            corners = body.mesh.mid_surface_positions[body.mesh.faces]
+            try:
+                shares.append(area_shares(entry, corners, key))
+            except InputError as error:  # the region may lie on another ply
+                beside.append(error)
+                shares.append(np.zeros(count))
+    if beside and not any(share.any() for share in shares):
+        raise beside[0]
+    return np.concatenate(shares)
+
+
+@routine
+def present_pressures(table, time):
+    """Return the pressures of all entries at a time (L,) [Pa]."""
+    count = table.times.size
+    now = np.empty(table.values.size // count)
+    for entry in range(now.size):
+        own = table.values[entry * count : (entry + 1) * count]
+        now[entry] = tabulated_travel(table.times, own, 0, count, time)[0]
+    return now
+
+
+@routine
+def pressure_of_lane(now, share, first, lanes):
+    """Return the sum of all pressures on a face [Pa], whose shares begin at ``first``."""
+    total = 0.0
+    for entry in range(now.size):
+        total += now[entry] * share[2 * entry * lanes + first]
+    return total
+
+
+@kernel
+def regional_forces(elements, position, now, share, added, load):
+    """Write the forces of all pressures on the corners of all elements.
+
+    Parameters
+    ----------
+    elements, position, added, load : as for :func:`face_forces`.
+    now : (L,) pressures of the entries [Pa]. share : as in :class:`RegionalPressure`.
+    """
+    lanes = elements.mass.size
+    for block in prange(lanes // LANES):
+        nodes = elements.corner_node[block * CORNERS * LANES : (block + 1) * CORNERS * LANES]
+        own = load[block * LOAD_ROWS * LANES : (block + 1) * LOAD_ROWS * LANES]
+        if added is None:
+            own[:] = 0.0
+        for lane in range(LANES):
+            # padding repeats an element, and has no share
+            below = pressure_of_lane(now, share, block * LANES + lane, lanes)
+            above = pressure_of_lane(now, share, lanes + block * LANES + lane, lanes)
+            add_face_load(own, lane, 0, below, face_modes_of_lane(position, nodes, lane, 0))
+            add_face_load(own, lane, 4, -above, face_modes_of_lane(position, nodes, lane, 4))
+
+
+# --- the effect -----------------------------------------------------------------------------------
+
+
 SWITCH = Switch(
     entry="[[pressure]]",
     without="the pressures on the faces",
@@ -309,15 +492,15 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     table = model.face_pressure
     if table is None:
         return [Effect("pressure on faces", False, "no [[pressure]] entry")]
-    found = []
+    effects = []
     if isinstance(table, FacePressure):
         for side, values in (("bottom", table.bottom), ("top", table.top)):
             if values.any():
-                found.append(Effect(f"pressure on the {side} face", True, _over_time(values)))
+                effects.append(Effect(f"pressure on the {side} face", True, _over_time(values)))
     else:
         pairs = zip(table.entry_values, table.entry_shares, strict=True)
         for number, (values, share) in enumerate(pairs, start=1):
@@ -326,8 +509,8 @@ def active(model: Any) -> list[Effect]:
                 cut = np.count_nonzero((share > 0.0) & (share < 1.0))
                 faces += f", {cut} of them in part" if cut else ""
                 reason = f"{_over_time(values)}, on {faces}"
-                found.append(Effect(f"pressure {number} on a region or ply", True, reason))
-    return found or [Effect("pressure on faces", False, "all pressures are zero")]
+                effects.append(Effect(f"pressure {number} on a region or ply", True, reason))
+    return effects or [Effect("pressure on faces", False, "all pressures are zero")]
 
 
 def _over_time(values: np.ndarray) -> str:

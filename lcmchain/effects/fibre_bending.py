@@ -3,15 +3,16 @@
 Adds: a stiffness D of each family of fibres against their curvature κ within the sheet (geodesic
 curvature), W = ½ D κ² per area. A continuum of fibres that only shears has none: fibres may kink
 from one element to the next, and where the shear law softens, shear gathers in bands as narrow as
-the mesh lets them be. With D they have a width of about sqrt(D / (C12 t)), whatever the mesh.
-D is a regularisation: no test gives its size.
-With x the mid-surface nodes before, at and after a node along a fibre, l₋ and l₊ their distances in
-the reference and h their mean, w = ((x₊ - x)/l₊ - (x - x₋)/l₋) / h and κ = w·p/|p|, where p is the
-part of the other fibre's tangent t₂ (difference over its own two neighbours) that is normal to this
-fibre's tangent t₁. Where fibres come to lie on themselves or on each other, as in a fold as sharp
-as the mesh, the sheet has no plane and p no direction: below a tenth of the reference's area
-|t₁ × t₂| the energy fades out with it, W s (2 - s) with s the square of the area over that tenth.
-Forces are the exact derivative.
+the mesh allows. With D the bands have a width of about sqrt(D / (C12 t)), whatever the mesh. D is a
+regularisation: no test gives its size.
+Curvature: x₋, x, x₊ are the mid-surface nodes before, at and after a node along a fibre, l₋ and l₊
+their distances in the reference, h the mean of both. Then w = ((x₊ - x)/l₊ - (x - x₋)/l₋) / h and
+κ = w·p/|p|. Here p is the part of the other fibre's tangent t₂ (the difference of its two
+neighbours) that is normal to this fibre's tangent t₁.
+Folds: where fibres come to lie on themselves or on each other, as in a fold as sharp as the mesh,
+the sheet has no plane and p no direction. Below a tenth of the reference's area |t₁ × t₂| the
+energy fades out with the area, W s (2 - s) with s the square of the area over that tenth. Forces
+are the exact derivative.
 Source: second-gradient models of fabrics, Ferretti, Madeo, dell'Isola, Boisse: Z. angew. Math.
 Phys. 65 (2014) 587-612; the discrete form: own.
 Stability limit: its ω², bounded by Cauchy's inequality, is added to that of the elements.
@@ -30,6 +31,7 @@ from numba import prange
 
 from lcmchain.effects.effect import (
     Effect,
+    EffectModel,
     Switch,
     out_of_materials,
     range_in_words,
@@ -37,14 +39,15 @@ from lcmchain.effects.effect import (
     stated_by_materials,
 )
 from lcmchain.elements.blocks import LANES, find_runs, in_blocks, in_shared_blocks, vector_of_lanes
+from lcmchain.elements.family import Body
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import entry, equation, kernel, span_routine
 from lcmchain.mesh.lines import fibre_lines
 from lcmchain.mesh.sheet_mesh import NO_NODE
 from lcmchain.packs import PACK, load, load_three, store_three
 
-# Rows of a node in a block of 16: constants; indices; its place; what it sends along and against
-# fibre 1, then fibre 2; the force on it.
+# Rows of a node in a block of 16: constants; indices; its position; the forces that it sends along
+# and against fibre 1, then fibre 2; the force on it.
 CONSTANT_ROWS = 10
 AREA_ROW = 8
 SHARE_ROW = 9
@@ -61,7 +64,7 @@ PIECE = 8
 # Part of the area between the two fibres below which a sheet counts as folded on itself. Shear
 # takes it there at 84°, beyond every locking angle.
 FOLDED = 0.1
-# Keeps what ends of lines divide by from being zero; nothing is as small.
+# Keeps divisors at the ends of lines from being zero. All others are far larger.
 TINY = 1e-300
 
 
@@ -141,7 +144,7 @@ class FibreBending(NamedTuple):
         return self.data.first_force + _place(self.lane, FORCE_ROWS)
 
 
-def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending | None:
+def build_fibre_bending(bodies: Sequence[Body], first_force: int) -> FibreBending | None:
     """Return the table of all bodies whose fibres resist bending within the plane, or None.
 
     Parameters
@@ -168,7 +171,7 @@ def build_fibre_bending(bodies: Sequence[Any], first_force: int) -> FibreBending
 
 
 def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
-    own, lane = np.arange(table.mid_count, dtype=np.int32), table.lane
+    node, lane = np.arange(table.mid_count, dtype=np.int32), table.lane
     along = [
         rows[family] for family in (0, 1) for rows in (table.weight_before, table.weight_after)
     ]
@@ -180,7 +183,7 @@ def _in_blocks(table: FibreBending, first_force: int) -> FibreBendingData:
     rows = np.array([0, 3, 6, 9])
     back = rows[[1, 0, 3, 2]]
     source = [
-        _place(lane[end], VECTOR_ROWS) + LANES * np.where(end == own, back[k], rows[k])
+        _place(lane[end], VECTOR_ROWS) + LANES * np.where(end == node, back[k], rows[k])
         for k, end in enumerate(ends)
     ]
     middles = [_place(lane[end], MIDDLE_ROWS) for end in ends]
@@ -225,19 +228,19 @@ def _place(node: np.ndarray, row_count: int) -> np.ndarray:
     return block * row_count * LANES + lane
 
 
-def _of_body(body: Any, number: int, first_mid: int) -> FibreBending:
+def _of_body(body: Body, number: int, first_mid: int) -> FibreBending:
     """Return the table of a body; its first mid-surface node gets the number ``first_mid``."""
     mesh = body.mesh
     nodes = np.arange(mesh.node_count, dtype=np.int32)
     sides = [nodes[side] for side in mesh.sides().values()]
     X = mesh.mid_surface(mesh.node_positions)
     lines = fibre_lines(mesh)
-    own = np.arange(len(X), dtype=np.int32)
-    before = np.where(lines.before == NO_NODE, own, lines.before)
-    after = np.where(lines.after == NO_NODE, own, lines.after)
-    inner = (before != own) & (after != own)
+    node = np.arange(len(X), dtype=np.int32)
+    before = np.where(lines.before == NO_NODE, node, lines.before)
+    after = np.where(lines.after == NO_NODE, node, lines.after)
+    inner = (before != node) & (after != node)
     # the direction across a fibre is that of the other one
-    inner &= ((before != own) | (after != own))[::-1]
+    inner &= ((before != node) | (after != node))[::-1]
     lengths = [
         np.where(inner, np.linalg.norm(X[ends] - X, axis=-1), 1.0) for ends in (before, after)
     ]
@@ -297,7 +300,7 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
 
 
 def unfolded(table: FibreBending, x: np.ndarray) -> np.ndarray:
-    """Return the part (mid_count,) of their energy that nodes keep, 1 where nothing is folded."""
+    """Return the share (mid_count,) of their energy that nodes keep, 1 where nothing is folded."""
     s = np.minimum(table.per_area2 * _areas2(table, x), 1.0)
     return s * (2.0 - s)
 
@@ -395,7 +398,7 @@ def fibre_bending_forces(data, first, last, position, corner_force, middle, vect
 
 @span_routine
 def find_middle(data, position, middle, block):
-    """Write the places of the nodes of a block."""
+    """Write the positions of the mid-surface nodes of a block."""
     own = data.place[block] * MIDDLE_ROWS * LANES
     for half in range(HALVES):
         below = neighbour(data, position, position.shape[1], block, 0, half)
@@ -405,7 +408,7 @@ def find_middle(data, position, middle, block):
 
 @span_routine
 def find_vectors(data, middle, vector, block):
-    """Write what the nodes send to their neighbours along the fibres."""
+    """Write the forces that the nodes of a block send to their neighbours along the fibres."""
     here = data.place[block] * MIDDLE_ROWS * LANES
     own = data.place[block] * VECTOR_ROWS * LANES
     for half in range(HALVES):
@@ -426,7 +429,7 @@ def find_vectors(data, middle, vector, block):
 
 @span_routine
 def add_vectors(data, vector, corner_force, block):
-    """Write the forces on the nodes: the sums of what they get, less what they send."""
+    """Write the forces on the nodes of a block: the sum of those received, less those sent."""
     own = data.place[block] * VECTOR_ROWS * LANES
     first = data.first_force + data.place[block] * FORCE_ROWS * LANES
     for half in range(HALVES):
@@ -450,7 +453,7 @@ def neighbour(data, values, step, block, row, half):
 
 @equation
 def bend(constants, at, x, before1, after1, before2, after2):
-    """Return what nodes send along and against their fibres: the gradients of their energy.
+    """Return the forces that nodes send along and against their fibres, gradients of their energy.
 
     With n = t₁ × t₂ and p the part of the other tangent that is normal to the own one,
     |p| = |n|/|t|: with w = κ p̂ + τ t̂ + ν n̂ and c = t·t₂/|t|², ∂κ/∂w = p̂, ∂κ/∂t₂ = ν n̂/|p| and
@@ -459,8 +462,8 @@ def bend(constants, at, x, before1, after1, before2, after2):
 
     Parameters
     ----------
-    constants, at : rows of the constants, and where the first begins. x, before1, ... : places of
-        the nodes and of their neighbours along fibre 1 and 2 [m].
+    constants, at : rows of the constants, and where the first begins. x, before1, ... : positions
+        of the nodes and of their neighbours along fibre 1 and 2 [m].
     """
     m1, p1 = load(constants, at), load(constants, at + LANES)
     m2, p2 = load(constants, at + 2 * LANES), load(constants, at + 3 * LANES)
@@ -532,7 +535,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     table = model.fibre_bending
     name = "in-plane bending of fibres"
     if table is not None:

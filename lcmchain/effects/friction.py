@@ -12,9 +12,8 @@ Fields: ``tool_force``, ``energy_friction`` (history).
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from lcmchain.effects.effect import Effect, Switch, refused
+from lcmchain.effects.effect import Effect, EffectModel, Switch, refused
 from lcmchain.elements.vectors import dot, plus
 from lcmchain.jit import equation
 from lcmchain.packs import choose
@@ -44,11 +43,12 @@ def friction(stick, slip_increment, normal, stiffness, limit):
 def friction_loss(before, after, way, stiffness):
     """Return what a friction spring takes for good [J] while the node moves on by a way [m].
 
-    Its force does, in half, the work of the elastic slip ``before`` and ``after`` the step: that is
-    what the motion loses by central differences. What of it the spring does not store is lost, by
-    sliding, by the turn of the tangent plane, and where the node lifts off (``after`` is zero).
-    With the work of sliding taken at the end of the step instead, a node that the surface throws
-    back within a few steps loses up to half of its friction work uncounted.
+    The work of its force is taken by the mean of the elastic slips ``before`` and ``after`` the
+    step: that is what the motion loses by central differences. The part of it that the spring does
+    not store is lost: by sliding, by the turn of the tangent plane, and where the node lifts off
+    (``after`` is zero). If the work of sliding were taken at the end of the step instead, a node
+    that the surface throws back within a few steps would lose up to half of its friction work
+    uncounted.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def friction_loss(before, after, way, stiffness):
 SWITCH = Switch(
     entry="contact.friction, tools.friction",
     without="the forces along the tools' surfaces: draw-in and the tools' forces",
-    called=lambda scene: any(tool.friction > 0.0 for tool in scene.tools),
+    called=lambda scene: any((tool.friction or 0.0) > 0.0 for tool in scene.tools),
     off=lambda scene: {
         "tools": tuple(tool.model_copy(update={"friction": 0.0}) for tool in scene.tools)
     },
@@ -74,7 +74,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per tool."""
     return [
         Effect(f"friction on {name}", coefficient > 0.0, f"coefficient {coefficient:g}")

@@ -1,7 +1,7 @@
 """Gravity: the weight of the sheets.
 
 Adds: a force -m g along z on every node. A guided tool has a weight of its own
-(:mod:`lcmchain.effects.tool_motion`).
+(:mod:`lcmchain.effects.process.tool_motion`).
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", section 6.2.
 Stability limit: none.
 Scene: ``process.gravity``.
@@ -10,23 +10,21 @@ Fields: ``energy_external`` (history) holds its work.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import types
 from numba.extending import overload
 
-from lcmchain.effects.effect import Effect, Switch, of_table
+from lcmchain.effects.effect import Effect, EffectModel, Switch, of_table
 from lcmchain.jit import INLINED
 from lcmchain.packs import load_first
 
+#: Acceleration of the nodes by their weight [m/s²]: one for all, or an array (node_count,) where
+#: mass that weighs nothing was added to some of them (:mod:`.process.mass_scaling`).
+Gravity = float | np.ndarray
 
-def weights_of(gravity: Any, first: int, last: int) -> Any:
-    """Return the accelerations of nodes ``first`` to ``last`` [m/s²] for :func:`weight_at`.
 
-    gravity : one for all nodes, or an array (node_count,) where mass that weighs nothing was added
-        to some of them (:mod:`lcmchain.effects.mass_scaling`).
-    """
+def weights_of(gravity: Gravity, first: int, last: int) -> Gravity:
+    """Return the accelerations of nodes ``first`` to ``last`` [m/s²] for :func:`weight_at`."""
     return gravity[first:last] if isinstance(gravity, np.ndarray) else gravity
 
 
@@ -37,8 +35,8 @@ def _choose_weights(gravity, first, last):
     return lambda gravity, first, last: gravity
 
 
-def weight_at(gravity: Any, node: int) -> float:
-    """Return the acceleration of a node [m/s²] from one for all, or from an array (node_count,)."""
+def weight_at(gravity: Gravity, node: int) -> float:
+    """Return the acceleration of a node [m/s²]."""
     return gravity[node] if isinstance(gravity, np.ndarray) else gravity
 
 
@@ -49,7 +47,7 @@ def _choose_weight(gravity, node):
     return lambda gravity, node: gravity
 
 
-def weights_from(gravity: Any, first: int, count: int) -> Any:
+def weights_from(gravity: Gravity, first: int, count: int) -> Gravity:
     """Return the accelerations of a pack of nodes [m/s²] as :func:`weight_at` does of one."""
     raise NotImplementedError("a pack of nodes is of compiled code alone")
 
@@ -70,7 +68,7 @@ SWITCH = Switch(
 )
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     if not np.any(model.environment.gravity):
         return [Effect("gravity", False, "process.gravity = false")]
     weight = float((model.environment.gravity * model.nodes.mass).sum())

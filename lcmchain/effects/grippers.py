@@ -4,11 +4,11 @@ Adds: on the nodes that a gripper holds a pull of the size
 
     F = min(max(r F0 + k e, 0), Fmax)
 
-with the force F0 at the start, which comes on by the smooth ramp r, the stiffness k and the length
-e by which the place has moved away from the gripper. It acts in a fixed direction, or towards an
-anchor: then e is the change of the distance from the anchor. A gripper only pulls. The nodes share
-its force by their areas, and their mean by areas is the place. A gripper that holds or leads its
-nodes is a support (:mod:`lcmchain.effects.supports`).
+with the force F0 at the start, which comes on by the smooth ramp r, the stiffness k, and the length
+e by which the gripped place has moved away from the gripper. The pull acts in a fixed direction, or
+towards an anchor: then e is the change of the distance from the anchor. A gripper only pulls. The
+nodes share its force by their areas; the place is their mean by areas. A gripper that holds or
+leads its nodes is a support (:mod:`lcmchain.effects.supports`).
 Source: virtual work of a spring on a mean displacement, f_i = w_i F with the sum of w_i one.
 Stability limit: (k + F / L) Σ w_i² / m_i is added to the ω² of the elements, with the distance L
 from the anchor; of grippers that share nodes, the bound of Gershgorin on their springs.
@@ -21,14 +21,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 from scipy.sparse import coo_array
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, EffectModel
 from lcmchain.effects.supports import Support, translation
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.mesh.lines import outward, pieces_along
 from lcmchain.mesh.places import NamedPlace, Places, place_text
@@ -58,12 +59,13 @@ from lcmchain.tools.motion import (
     TableMotion,
     TurnMotion,
 )
+from lcmchain.tools.motion.base import ToolMotion
 from lcmchain.tools.motion.prescribed import travel_along
 
 #: Time over which the force at the start comes on, relative to the process.
 RAMP_PART = 0.05
-#: Nearer to its anchor than this part of the distance at the start a pull falls with the distance:
-#: its direction is lost there.
+#: Nearer to its anchor than this part of the distance at the start, where its direction is lost, a
+#: pull falls with the distance.
 LEAST_DISTANCE = 0.05
 #: Grippers along a rim, at most.
 MOST_ALONG_A_RIM = 200
@@ -159,9 +161,9 @@ class Gripper(NamedPlace):
             )
         given = [entry for entry in TOWARDS if getattr(self, entry) not in (None, False)]
         if len(given) != 1:
-            found = " and ".join(given) or "none"
+            those = " and ".join(given) or "none"
             raise wrong(
-                f"needs one of {', '.join(TOWARDS[:2])} and outward = true, but has {found}"
+                f"needs one of {', '.join(TOWARDS[:2])} and outward = true, but has {those}"
             )
         if self.largest_force is not None and self.largest_force < (self.force or 0.0):
             raise wrong(
@@ -264,7 +266,7 @@ class Grip:
         )
 
 
-def require_leading(motion: Any, key: str) -> None:
+def require_leading(motion: ToolMotion, key: str) -> None:
     """Refuse a motion by which no gripper leads; the error names the key."""
     if isinstance(motion, TurnMotion):
         raise wrong("turns; a gripper is led by a stroke or a table", field=f"{key}.type")
@@ -311,7 +313,7 @@ class GripperTable(NamedTuple):
     coupling: np.ndarray
 
 
-def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, ...]:
+def grips_of(entries: Sequence[Gripper], bodies: Sequence[Body]) -> tuple[Grip, ...]:
     """Return the grippers of a scene on the nodes of its bodies.
 
     Parameters
@@ -323,23 +325,23 @@ def grips_of(entries: Sequence[Gripper], bodies: Sequence[Any]) -> tuple[Grip, .
     InputError : a gripper on nothing, on a ply that is not there, whose pull has no direction, or
         two of one name.
     """
-    found: list[Grip] = []
+    grips: list[Grip] = []
     for index, entry in enumerate(entries):
         key = f'grippers[{index}] "{entry.name}"'
         chosen = [body for body in bodies if entry.ply in (None, body.name)]
         if not chosen:
             names = ", ".join(body.name for body in bodies)
             raise InputError(f'there is no ply "{entry.ply}"; there is {names}', key=f"{key}.ply")
-        taken = {grip.name for grip in found}
+        taken = {grip.name for grip in grips}
         for grip in _grips_of_entry(entry, chosen, key):
             if grip.name in taken:
                 raise InputError(f'makes a second gripper "{grip.name}"', key=f"{key}.name")
-            found.append(grip)
-    return tuple(found)
+            grips.append(grip)
+    return tuple(grips)
 
 
-class _Piece(NamedTuple):
-    """What a gripper holds of one body.
+class _Hold(NamedTuple):
+    """The nodes of one body that a gripper holds.
 
     nodes : (n,) of the model. areas : (n,) [m²]. positions : (n, 3) [m].
     outward : (3,) normal to the rim in the plane, as long as the rim that is gripped; 0 inside.
@@ -351,24 +353,24 @@ class _Piece(NamedTuple):
     outward: np.ndarray
 
 
-def _grips_of_entry(entry: Gripper, bodies: Sequence[Any], key: str) -> list[Grip]:
+def _grips_of_entry(entry: Gripper, bodies: Sequence[Body], key: str) -> list[Grip]:
     """Return the grippers of an entry, with what each holds of all bodies that are there."""
-    of_bodies: list[list[_Piece]] = []
+    of_bodies: list[list[_Hold]] = []
     elsewhere: list[InputError] = []
     for body in bodies:
         try:
-            of_bodies.append(_pieces(entry, body, key))
+            of_bodies.append(_holds(entry, body, key))
         except InputError as error:  # the place may lie on another ply
             elsewhere.append(error)
     if not of_bodies:
         raise elsewhere[0]
     return [
-        _grip(entry, name, pieces, key)
-        for name, pieces in zip(entry.names, zip(*of_bodies, strict=True), strict=True)
+        _grip(entry, name, holds, key)
+        for name, holds in zip(entry.names, zip(*of_bodies, strict=True), strict=True)
     ]
 
 
-def _pieces(entry: Gripper, body: Any, key: str) -> list[_Piece]:
+def _holds(entry: Gripper, body: Body, key: str) -> list[_Hold]:
     mesh = body.mesh
     positions = mesh.node_positions
     sides = [side for name, side in mesh.sides().items() if entry.face in (None, name)]
@@ -381,19 +383,19 @@ def _pieces(entry: Gripper, body: Any, key: str) -> list[_Piece]:
         chosen = pieces_along(edges, places.points, entry.count, width, key=key)
     else:
         chosen = [places.nodes(entry, key)]
-    found = []
+    holds = []
     for middle in chosen:
-        own = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
-        areas = body.node_area[own]
+        nodes = np.concatenate([np.arange(mesh.node_count)[side][middle] for side in sides])
+        areas = body.node_area[nodes]
         normal = outward(places.cells, places.points, middle)
-        found.append(_Piece(own + body.first_node, areas, positions[own], normal))
-    return found
+        holds.append(_Hold(nodes + body.first_node, areas, positions[nodes], normal))
+    return holds
 
 
-def _grip(entry: Gripper, name: str, pieces: Sequence[_Piece], key: str) -> Grip:
+def _grip(entry: Gripper, name: str, holds: Sequence[_Hold], key: str) -> Grip:
     nodes, areas, positions = (
-        np.concatenate([getattr(piece, part) for piece in pieces])
-        for part in ("nodes", "areas", "positions")
+        np.concatenate([getattr(hold, name) for hold in holds])
+        for name in ("nodes", "areas", "positions")
     )
     weights = areas / areas.sum()
     place = weights @ positions
@@ -401,7 +403,7 @@ def _grip(entry: Gripper, name: str, pieces: Sequence[_Piece], key: str) -> Grip
     if entry.direction is not None:
         direction = np.array(entry.direction)
     elif entry.outward:
-        normal = np.sum([piece.outward for piece in pieces], axis=0)
+        normal = np.sum([hold.outward for hold in holds], axis=0)
         length = np.linalg.norm(normal)
         if length < 1e-9 * math.sqrt(areas.sum()):
             raise InputError(
@@ -489,9 +491,9 @@ def omega2_of_grippers(table: GripperTable, travel: np.ndarray, force: np.ndarra
     return float((root[:, None] * table.coupling * root).sum(axis=1).max())
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per entry of ``[[grippers]]``."""
-    found = []
+    effects = []
     for entry in dict.fromkeys(grip.settings for grip in model.grips):
         grips = [grip for grip in model.grips if grip.settings is entry]
         nodes = f"{sum(grip.nodes.size for grip in grips)} nodes"
@@ -506,8 +508,8 @@ def active(model: Any) -> list[Effect]:
         name = f"gripper {entry.name}"
         if len(grips) > 1:
             name, reason = f"{len(grips)} grippers {entry.name}", f"{reason} each"
-        found.append(Effect(name, True, reason))
-    return found
+        effects.append(Effect(name, True, reason))
+    return effects
 
 
 def _or_never(value: float | None) -> float:

@@ -2,17 +2,17 @@
 
 An interaction is a NamedTuple of constant arrays: the tools, the pressures in and on a sheet, the
 supports, the grippers that pull. Compiled code takes it by reference, as it takes all arrays
-(:mod:`lcmchain.compilation.references`). It registers (:mod:`lcmchain.dispatch`) what it does in a
-step; what it does not register is left out of the compiled loop, as is an interaction that a model
-does not have. What it registers is compiled with the options of an equation. A loop over nodes that
-wants options of its own, and a parallel loop, stand in a routine that is called there: best in a
-standalone one (:mod:`lcmchain.jit`), which is compiled once for all models that have it.
+(:mod:`lcmchain.compilation.references`). It registers (:mod:`lcmchain.dispatch`) its work in a
+step. The compiled loop leaves out work that is not registered, and interactions that a model does
+not have. Registered functions are compiled with the options of an equation. A loop over nodes with
+other options, or a parallel loop, is a routine that is called there: best a standalone one
+(:mod:`lcmchain.jit`), which is compiled once for all models that have it.
 
 The order of a step is that of :func:`lcmchain.solver.loop.advance`:
 
 1. :func:`before_nodes`: forces that need the positions of all nodes;
 2. :func:`add_to_nodes`: forces on the nodes of a chunk, which move at once afterwards;
-3. :func:`after_nodes`: what moves by itself, tools and held nodes, with the forces summed up.
+3. :func:`after_nodes`: tools and held nodes move, with the forces summed up.
 
 In Python it registers with :func:`bound` how it limits the step.
 """
@@ -20,7 +20,7 @@ In Python it registers with :func:`bound` how it limits the step.
 from __future__ import annotations
 
 from functools import singledispatch
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from lcmchain.dispatch import optional
 
@@ -37,8 +37,8 @@ class Nothing(NamedTuple):
 NOTHING = Nothing()
 
 
-def in_places(interactions: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the interactions of a model for the loop, with nothing in the places that are left."""
+def in_places(interactions: tuple[object, ...]) -> tuple[object, ...]:
+    """Return the interactions of a model for the loop, with ``NOTHING`` in the places left over."""
     left = PLACES - len(interactions)
     if left < 0:
         raise ValueError(f"the loop has places for {PLACES} interactions, not {len(interactions)}")
@@ -62,7 +62,7 @@ NO_BOUND = Bound(0.0, 0.0, "")
 
 
 @singledispatch
-def bound(interaction: Any, model: Any, state: Any, ahead: float) -> Bound:
+def bound(interaction: object, model: object, state: object, ahead: float) -> Bound:
     """Return what an interaction adds to the highest frequency until the next look at it.
 
     ahead : time until that look [s].
@@ -97,4 +97,4 @@ def add_to_nodes(interaction, arrays, environment, chunk, first, last, dt_last, 
 
 @optional
 def after_nodes(interaction, arrays, environment, dt_last, dt):
-    """Move what moves by itself: the nodes have moved, and the sums of the step are complete."""
+    """Move tools and held nodes: the others have moved, and the sums of the step are complete."""

@@ -17,12 +17,10 @@ Fields: ``ply_pressure_top``, ``ply_shear_stress_top``, ``ply_gap_top``, ``slip_
 
 from __future__ import annotations
 
-from typing import Any
-
-from lcmchain.effects.effect import Effect, range_in_words
+from lcmchain.effects.effect import Effect, EffectModel, range_in_words
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return contact and friction between plies; nothing for one sheet without one of its own."""
     contact = model.ply_contact
     if contact is None:
@@ -31,11 +29,11 @@ def active(model: Any) -> list[Effect]:
         return [Effect("contact between plies", False, "they pass through each other")]
     stiffness = range_in_words(1e-9 * contact.data.penalty)
     effects = [Effect("contact between plies", True, f"stiffness {stiffness} N/mm^3")]
-    own = [
+    with_itself = [
         body.name for ply, body in enumerate(model.bodies) if contact.data.interface[ply, ply] >= 0
     ]
-    if own:
-        effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(own)}"))
+    if with_itself:
+        effects.append(Effect("contact of a ply with itself", True, f"of {', '.join(with_itself)}"))
     # the places for laws that no interface uses have nothing to say
     laws = [law for law in contact.laws if hasattr(law, "title")]
     return [*effects, *(Effect(law.title(), True, law.reason()) for law in laws)]

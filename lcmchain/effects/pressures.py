@@ -2,17 +2,15 @@
 
 The pressure of a fluid in the pores (:mod:`lcmchain.effects.pore_pressure`) and those on the faces
 (:mod:`lcmchain.effects.face_pressure`) write to one array of loads on the corners of the elements;
-the nodes sum them up once. In a stack the fluid has one pressure in each column through all plies
-(:mod:`lcmchain.effects.pore_columns`).
+the nodes sum them up once. In a stack the fluid has one pressure in each column through all plies.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from lcmchain.effects.face_pressure import FacePressure
-from lcmchain.effects.pore_columns import PoreColumns
-from lcmchain.effects.regional_pressure import RegionalPressure
+from lcmchain.effects.face_pressure import FacePressure, RegionalPressure
+from lcmchain.effects.pore_pressure import PoreColumns
 from lcmchain.elements.pressed_elements import PressedElements
 
 

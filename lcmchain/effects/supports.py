@@ -1,6 +1,6 @@
 """Nodes whose motion is prescribed: clamps, grips, frames, planes of symmetry.
 
-Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components that they hold, and
+Adds: groups of nodes that move affinely, x = A(t) X + b(t), in the components that are held, and
 the force that this takes.
 Source: Belytschko, Liu, Moran, "Nonlinear Finite Elements", box 6.1.
 Stability limit: none, holding a node only raises the stable step.
@@ -15,12 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.effects.effect import Effect
+from lcmchain.effects.effect import Effect, EffectModel
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
 
@@ -39,8 +39,8 @@ class Support:
     components : held components out of "xyz".
     motion : returns [A | b] (3, 4) at a time [s], identity and zero at the start; None holds the
         nodes where they are.
-    release_time, release_force : at which the support lets go, for good [s], [N]; the force is the
-        size of that on all its nodes. Infinite for one that never does.
+    release_time, release_force : at which the support lets go for good [s], [N]; the force is that
+        on all its nodes together. Infinite for one that never does.
     """
 
     name: str
@@ -154,7 +154,7 @@ def prescribed_position(supports, k, d, piece, s):
     return x
 
 
-def active(model: Any) -> list[Effect]:
+def active(model: EffectModel) -> list[Effect]:
     """Return one effect per group of held nodes."""
     if model.supports is None:
         return []

@@ -1,21 +1,102 @@
-"""The table ``[effects]`` of a scene: an entry per effect, against what the scene calls for.
+"""The list of all effects: what of them a model has, and ``[effects]``, which switches them.
 
-``auto`` leaves an effect to scene and material. ``off`` takes it out of a scene that calls for it,
-before anything is built, so that its code is not compiled in either. ``on`` puts it into one that
-does not, where it is known with which numbers. What cannot be, is refused with the reason
-(:class:`lcmchain.effects.effect.Switch`, one in each effect's file).
+A model is asked for every effect (:func:`effects_of`), and each is told by its own file, active or
+not, with its reason. ``check`` and ``summary.json`` list what stands here and nothing else.
+
+In the table ``[effects]`` of a scene ``auto`` leaves an effect to scene and material. ``off`` takes
+it out of a scene that calls for it, before anything is built, so that its code is not compiled in
+either. ``on`` puts it into one that does not, where it is known with which numbers. What cannot be
+is refused with the reason (:class:`lcmchain.effects.effect.Switch`, one in each effect's file).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import ModuleType
 from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, create_model
 
-from lcmchain.effects.audit import switches
-from lcmchain.effects.effect import Refusal, Switch
+from lcmchain.effects import (
+    contact,
+    contact_depth,
+    face_pressure,
+    fibre_bending,
+    friction,
+    gravity,
+    grippers,
+    ply_contact,
+    pore_pressure,
+    supports,
+)
+from lcmchain.effects.effect import Effect, EffectModel, EffectScene, Refusal, Switch
+from lcmchain.effects.process import damping, fibre_modulus, mass_scaling, pace, tool_motion
+from lcmchain.effects.sheet import (
+    bending,
+    bending_friction,
+    compaction,
+    compaction_relaxation,
+    enhanced_strain,
+    hourglass,
+    memory,
+    shear_compaction,
+    shear_friction,
+    shear_locking,
+    thickness,
+    transverse_shear,
+    viscous_bending,
+    viscous_shear,
+)
 from lcmchain.quantities.entry_types import AbsentMeans, SceneModel
+
+#: The files of the effects, in the order of reports.
+EFFECTS = (
+    thickness,
+    compaction,
+    shear_compaction,
+    bending,
+    transverse_shear,
+    fibre_bending,
+    hourglass,
+    enhanced_strain,
+    memory,
+    shear_locking,
+    viscous_shear,
+    shear_friction,
+    bending_friction,
+    viscous_bending,
+    compaction_relaxation,
+    pore_pressure,
+    face_pressure,
+    contact,
+    contact_depth,
+    friction,
+    ply_contact,
+    tool_motion,
+    supports,
+    grippers,
+    pace,
+    gravity,
+    damping,
+    mass_scaling,
+    fibre_modulus,
+)
+
+
+def effects_of(model: EffectModel) -> list[Effect]:
+    """Return the effects of a :class:`lcmchain.model.Model`."""
+    return [effect._replace(key=key_of(file)) for file in EFFECTS for effect in file.active(model)]
+
+
+def key_of(file: ModuleType) -> str:
+    """Return the entry of ``[effects]`` of an effect's file, its name; empty without a switch."""
+    return file.__name__.rsplit(".", 1)[1] if hasattr(file, "SWITCH") else ""
+
+
+def switches() -> dict[str, Switch]:
+    """Return the switches by their entry of ``[effects]``, in the order of reports."""
+    return {key_of(file): file.SWITCH for file in EFFECTS if hasattr(file, "SWITCH")}
+
 
 Setting = Annotated[Literal["auto", "on", "off"], AbsentMeans("")]
 
@@ -61,13 +142,13 @@ class Switchable(NamedTuple):
     why: str
 
 
-def settings_of(scene: Any) -> dict[str, str]:
+def settings_of(scene: EffectScene) -> dict[str, str]:
     """Return the settings of a scene other than "auto", by entry of ``[effects]``."""
     given = {key: getattr(scene.effects, key) for key in switches()}
     return {key: setting for key, setting in given.items() if setting != "auto"}
 
 
-def changes(scene: Any, key: str, setting: str) -> dict[str, Any] | None:
+def changes(scene: EffectScene, key: str, setting: str) -> dict[str, Any] | None:
     """Return the entries of a scene that change; None where it is already as asked for.
 
     Raises
@@ -81,7 +162,7 @@ def changes(scene: Any, key: str, setting: str) -> dict[str, Any] | None:
     return switch.off(scene) if setting == "off" else switch.on(scene)
 
 
-def with_effect(scene: Any, key: str, setting: str) -> Any:
+def with_effect(scene: EffectScene, key: str, setting: str) -> Any:
     """Return a copy of a scene with an effect switched "on" or "off".
 
     Raises
@@ -93,7 +174,7 @@ def with_effect(scene: Any, key: str, setting: str) -> Any:
     return scene.model_copy(update=changed)
 
 
-def switchable_effects(scene: Any) -> list[Switchable]:
+def switchable_effects(scene: EffectScene) -> list[Switchable]:
     """Return the effects that the other setting would change, for a study of what each costs.
 
     Those that a scene has already switched stay as they are set.
@@ -107,7 +188,7 @@ def switchable_effects(scene: Any) -> list[Switchable]:
     return list(_switchable(scene, settings_of(scene)))
 
 
-def _switchable(scene: Any, settled: Mapping[str, str]) -> Iterator[Switchable]:
+def _switchable(scene: EffectScene, settled: Mapping[str, str]) -> Iterator[Switchable]:
     for key, switch in switches().items():
         if key in settled:
             continue

@@ -9,9 +9,9 @@ import numpy as np
 
 from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.fields.sheet import sheet_areas, sheet_faces, sheet_positions
+from lcmchain.materials.features.pressure_table import PressureTable
+from lcmchain.materials.features.shear_compaction import coupling_of
 from lcmchain.materials.law import Material
-from lcmchain.materials.pressure_table import PressureTable
-from lcmchain.materials.shear_compaction import coupling_of
 from lcmchain.quantities.readable import millimetres
 from lcmchain.thresholds import LARGEST_HIDDEN_FORCE, LARGEST_HIDDEN_THICKNESS
 from lcmchain.tools.distance import gaps

@@ -2,10 +2,10 @@
 
 Tests that only close tell the compaction law, Eq. (23), and the power law, Eq. (24). Tests that
 hold their gap in the end tell the relaxation too. All rows of all tests are then fitted together:
-the law of compaction at rest and Maxwell elements beside it (:mod:`lcmchain.materials.relaxation`),
-along the thickness as it was measured over time. The closing may therefore be slow against the
-relaxation. The fit has the fewest of one, two or three elements that leave as little scatter as one
-more would.
+the law of compaction at rest and Maxwell elements beside it
+(:mod:`lcmchain.materials.features.relaxation`), along the thickness as it was measured over time.
+The closing may therefore be slow against the relaxation. The fit has the fewest of one, two or
+three elements that leave as little scatter as one more would.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.materials.compaction import compaction_of
+from lcmchain.materials.features.compaction import compaction_of
 from lcmchain.quantities.units import FRACTION, LENGTH, PRESSURE
 
 COLUMNS = ((Column("thickness", LENGTH, loading=-1), Column("pressure", PRESSURE)),)

@@ -2,12 +2,12 @@
 
 The rows without shear give the compaction law, those with shear one more number, the exponent β.
 Plates measure the pressure on the present area, that on the area at the start over cos γ
-(:mod:`lcmchain.materials.shear_compaction`).
+(:mod:`lcmchain.materials.features.shear_compaction`).
 
 Where one exponent does not describe how the shear changes the compaction, every angle has a curve
 of its own, Eq. (23) from its own free thickness. Points of these curves are the table that
-``material.compaction.table`` takes (:mod:`lcmchain.materials.pressure_table`): measured rows carry
-noise, which a law that meets its points would follow.
+``material.compaction.table`` takes (:mod:`lcmchain.materials.features.pressure_table`): measured
+rows carry noise, which a law that meets its points would follow.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from lcmchain.identification.result import (
     accepted,
     mega_pascal,
 )
-from lcmchain.materials.pressure_table import (
+from lcmchain.materials.features.pressure_curves import (
     LARGEST_ANGLE,
     MOST_ANGLES,
     MOST_PRESSURES,
     PressureCurve,
-    PressureTable,
 )
+from lcmchain.materials.features.pressure_table import PressureTable
 from lcmchain.quantities.units import ANGLE
 
 SHEAR_ANGLE = "shear angle"

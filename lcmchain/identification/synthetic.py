@@ -21,11 +21,11 @@ from lcmchain.coupons.analytic import (
     power_law_pressure,
     strip_stiffness,
 )
-from lcmchain.materials.dahl import Friction
 from lcmchain.materials.fabric import Fabric
-from lcmchain.materials.shear_compaction import free_shear_stress
-from lcmchain.materials.shear_friction import ShearFriction
-from lcmchain.materials.viscous_shear import ViscousShear
+from lcmchain.materials.features.rheology import Friction, Values
+from lcmchain.materials.features.shear_compaction import free_shear_stress
+from lcmchain.materials.features.shear_friction import ShearFriction
+from lcmchain.materials.features.viscous_shear import ViscousShear
 from lcmchain.scene import FabricMaterial
 from lcmchain.scene.presets import PRESETS
 
@@ -92,7 +92,8 @@ def bending_loop_curve(
 
     stiffness : per width [N m]. noise : over the largest moment.
     """
-    moment, found, last = 0.0, [], 0.0
+    moment: Values = 0.0
+    found, last = [], 0.0
     for now in np.asarray(curvature, dtype=float):
         moment = friction.after(moment, now - last)
         found.append(stiffness * now + moment)

@@ -40,7 +40,7 @@ from lcmchain.identification.regression import (
     noise_scale,
 )
 from lcmchain.identification.shear import COEFFICIENT_COUNT, mean_secant, rising_stress
-from lcmchain.materials.viscous_shear import GAS_CONSTANT
+from lcmchain.materials.features.temperature_field import GAS_CONSTANT
 from lcmchain.quantities.units import FORCE, LENGTH, SPEED, TEMPERATURE, TIME
 
 # --- tests: angle, rate and what went before, row by row ------------------------------------------

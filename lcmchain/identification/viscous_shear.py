@@ -5,9 +5,9 @@ The force of a frame of pin-jointed, inextensible fibres follows from
     S12 = Σ s_k |E12|^k 2 E12 + (η γ' + Σ G_k m_k) / cos γ,   γ' = d'/(L sin(45° - γ/2)),
 
 with the speed d' of the machine along the diagonal of a frame of the side L
-(:mod:`lcmchain.materials.viscous_shear`). Speeds tell the viscosity, constant or falling with the
-rate; a frame that stands still after its pull tells Maxwell elements; temperatures tell the energy
-of activation. The simplest law that describes the tests is taken.
+(:mod:`lcmchain.materials.features.viscous_shear`). Speeds tell the viscosity, constant or falling
+with the rate; a frame that stands still after its pull tells Maxwell elements; temperatures tell
+the energy of activation. The simplest law that describes the tests is taken.
 """
 
 from __future__ import annotations

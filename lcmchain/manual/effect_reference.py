@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from lcmchain.effects.audit import EFFECTS, key_of
 from lcmchain.effects.effect import Switch
+from lcmchain.effects.switches import EFFECTS, key_of
 from lcmchain.manual.tables import code, markdown_table
 
 HEAD = """# Effects

@@ -16,21 +16,89 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
-from lcmchain.materials.bending_curve import (
-    KINKS,
+from lcmchain.materials.features.bending_curve import (
     SIZE,
     BendingCurve,
+    BendingCurveTable,
+    bent_class,
     curve_energy,
     curve_response,
     with_curves,
 )
-from lcmchain.materials.bending_losses import BendingLosses, with_losses
-from lcmchain.materials.compaction import (
+from lcmchain.materials.features.bending_losses import BendingLosses, with_losses
+from lcmchain.materials.features.compaction import (
     compaction_of,
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
     compaction_tangent_slope,
+    linear_class,
     linear_where_constant,
+)
+from lcmchain.materials.features.pressure_curves import (
+    MOST_ANGLES,
+    PressureCurveTable,
+    read_pressure_curves,
+)
+from lcmchain.materials.features.pressure_table import PressureTable, tabled_class
+from lcmchain.materials.features.relaxation import (
+    OWN_MEMORY,
+    CompactionRelaxation,
+    evolved_relaxation,
+    with_relaxation,
+    with_relaxing,
+)
+from lcmchain.materials.features.shear import (
+    ShearLocking,
+    locking_class,
+    rounded_shear_of,
+    shear_stress_and_tangent,
+    stabilising_shear_curvature,
+    stabilising_shear_slope,
+    stabilising_shear_tangent,
+    with_locking,
+)
+from lcmchain.materials.features.shear_compaction import (
+    Coupling,
+    PowerCoupling,
+    coupled_class,
+    curvature_at_shear,
+    mapped_coupling,
+    mapped_curvature,
+    mapped_pressure,
+    mapped_slope,
+    mapped_stabilising,
+    shear_tangents,
+    slope_at_shear,
+    stabilising_at_shear,
+    strain_of,
+    thickening,
+    with_thickening,
+)
+from lcmchain.materials.features.shear_friction import (
+    ShearFriction,
+    ShearFrictionTable,
+    evolved_shear_friction,
+    with_rubbing_shear,
+    with_shear_friction,
+)
+from lcmchain.materials.features.temperature_field import (
+    RATE_FACTOR,
+    TemperatureField,
+    kept_values,
+    with_field,
+)
+from lcmchain.materials.features.viscous_shear import (
+    ViscousShear,
+    evolved_viscous_shear,
+    stress_of_step,
+    with_viscous,
+    with_viscous_shear,
+)
+from lcmchain.materials.features.viscous_table import (
+    BendingFrictionTable,
+    BendingRateTable,
+    ViscousTable,
+    bending_losses,
 )
 from lcmchain.materials.law import (
     Step,
@@ -41,75 +109,16 @@ from lcmchain.materials.law import (
     hourglass_tangent,
     implements,
     membrane_response,
+    own_memory,
+    place_in_memory,
     plane_bending_stiffness,
     plane_response,
     tangent_coupling,
     tangent_curvature,
     tangent_slope,
 )
-from lcmchain.materials.pressure_table import (
-    LARGEST_ANGLE,
-    MOST_ANGLES,
-    MOST_PRESSURES,
-    PressureCurve,
-    PressureTable,
-)
-from lcmchain.materials.pressure_table_file import read_pressure_curves
-from lcmchain.materials.relaxation import (
-    OWN_MEMORY,
-    CompactionRelaxation,
-    evolved_relaxation,
-    with_relaxation,
-    with_relaxing,
-)
-from lcmchain.materials.rounded_shear import rounded_shear, rounded_shear_of
-from lcmchain.materials.shear_compaction import (
-    Coupling,
-    PowerCoupling,
-    curvature_at_shear,
-    shear_tangents,
-    slope_at_shear,
-    stabilising_at_shear,
-    strain_of,
-    thickening,
-    with_thickening,
-)
-from lcmchain.materials.shear_friction import (
-    ShearFriction,
-    evolved_shear_friction,
-    with_rubbing_shear,
-    with_shear_friction,
-)
-from lcmchain.materials.shear_locking import (
-    ShearLocking,
-    locking_response,
-    locking_tangent_curvature,
-    locking_tangent_slope,
-    with_locking,
-)
-from lcmchain.materials.strain_map import (
-    mapped_coupling,
-    mapped_curvature,
-    mapped_pressure,
-    mapped_slope,
-    mapped_stabilising,
-)
 from lcmchain.materials.table import ExponentialCompaction, FabricTable
-from lcmchain.materials.temperature_field import TemperatureField, kept_values, with_field
-from lcmchain.materials.variants import name_twins
-from lcmchain.materials.viscous_shear import (
-    ViscousShear,
-    evolved_viscous_shear,
-    stress_of_step,
-    with_viscous,
-    with_viscous_shear,
-)
-from lcmchain.materials.viscous_table import (
-    BendingFrictionTable,
-    BendingRateTable,
-    ViscousTable,
-    bending_losses,
-)
+from lcmchain.materials.twins import let_have_twins
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -119,8 +128,6 @@ from lcmchain.quantities.entry_types import (
     Density,
     Number,
     OrFile,
-    PositiveCurvature,
-    PositiveForce,
     PositiveLength,
     PositiveStiffness,
     Quantity,
@@ -131,7 +138,7 @@ from lcmchain.quantities.entry_types import (
     Text,
     wrong,
 )
-from lcmchain.quantities.units import ANGLE, PRESSURE, STIFFNESS
+from lcmchain.quantities.units import STIFFNESS
 
 
 class FabricLaw(NamedTuple):
@@ -160,56 +167,6 @@ class FabricLaw(NamedTuple):
     B12: float
     B23: float
     B13: float
-
-
-@equation
-def shear_stress_and_tangent(law, g):
-    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21) and locking."""
-    e = 0.5 * abs(g)
-    modulus = law.s0 + e * (law.s1 + e * (law.s2 + e * (law.s3 + e * law.s4)))
-    slope = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
-    stress, tangent = locking_response(law, g)
-    return modulus * g + stress, modulus + e * slope + tangent
-
-
-@equation
-def shear_tangent_slope(law, g):
-    """Return d²S12/dg², the slope of the shear tangent (odd in g)."""
-    e = 0.5 * abs(g)
-    first = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
-    second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
-    slope = 0.5 * (2.0 * first + e * second)
-    return (slope if g >= 0.0 else -slope) + locking_tangent_slope(law, g)
-
-
-@equation
-def shear_tangent_curvature(law, g):
-    """Return d³S12/dg³."""
-    e = 0.5 * abs(g)
-    second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
-    third = 6.0 * law.s3 + e * (24.0 * law.s4)
-    return 0.25 * (3.0 * second + e * third) + locking_tangent_curvature(law, g)
-
-
-@equation
-def stabilising_shear_tangent(law, g):
-    """Return dS12/dg at the rounded size of the strain: without the kink at g = 0."""
-    return shear_stress_and_tangent(law, rounded_shear(g)[0])[1]
-
-
-@equation
-def stabilising_shear_slope(law, g):
-    """Return the derivative of :func:`stabilising_shear_tangent` with g."""
-    size, first, _ = rounded_shear(g)
-    return first * shear_tangent_slope(law, size)
-
-
-@equation
-def stabilising_shear_curvature(law, g):
-    """Return the second derivative of :func:`stabilising_shear_tangent` with g."""
-    size, first, second = rounded_shear(g)
-    slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
-    return first * first * curvature + second * slope
 
 
 @equation
@@ -346,6 +303,24 @@ def fabric_plane_bending_stiffness(law):
     return (law.B11, law.B22, law.B12)
 
 
+def name_twins(law_class: type, module: dict[str, Any]) -> None:
+    """Make the twins of a law of fabrics that have names of their own, as globals of its module.
+
+    They are made of each other in this order: with a coupling or a table of pressures, with
+    locking, with a constant C33, with curves of bending. Of all of them twins with friction, or
+    that depend on rates, can be made on demand (:mod:`lcmchain.materials.twins`).
+
+    Parameters
+    ----------
+    module : the globals of the module of the class, where compiled kernels on disk look them up.
+    """
+    classes = [law_class, coupled_class(law_class), tabled_class(law_class)]
+    for twin in (locking_class, linear_class, bent_class):
+        classes += [twin(base) for base in classes]
+    module.update({base.__name__: base for base in classes})
+    let_have_twins(*classes)
+
+
 name_twins(FabricLaw, globals())
 
 
@@ -363,10 +338,10 @@ class Fabric:
     locking : beyond a shear angle, None for a law that does not lock.
     in_plane_bending : stiffness of the fibres against bending within the plane, over that against
         bending out of it.
-    coupling : how the thickness knows the shear, None for a fabric where it does not.
+    coupling : how the thickness depends on the shear, None where it does not.
     bending_curves : moment over curvature along the fibres 1 and 2, in place of B11 and B22.
-    viscous : what resists the rate of the shear, None for a law that does not know it.
-    relaxation : what relaxes of the compaction, None for a law where nothing does.
+    viscous : what resists the rate of the shear, None without.
+    relaxation : the part of the compaction that relaxes, None without.
     temperature : over the blank, which shifts the times of both; None where it is one.
     bending_losses : friction and resistance to rates of the bending, None without.
     shear_friction : friction of the shear, None without.
@@ -468,9 +443,9 @@ class Fabric:
         S33, C33 = self._compaction(self._seen(E))
         S[..., 2], C[..., 2, 2] = S33, C33
         if self.coupling is not None:
-            own = self.coupling.at(E[..., 2], E[..., 3])
+            strain_map = self.coupling.at(E[..., 2], E[..., 3])
             S[..., 2], C[..., 2, 2], S[..., 3], C[..., 3, 3] = mapped_pressure.py_func(
-                own, S33, C33, S[..., 3], C[..., 3, 3]
+                strain_map, S33, C33, S[..., 3], C[..., 3, 3]
             )
             C[..., 2, 3] = C[..., 3, 2] = self.tangent_couplings(E)[0]
         return S, C
@@ -479,7 +454,7 @@ class Fabric:
         """Return a diagonal tangent (..., 6, 6), its slope and curvature (..., 6).
 
         C^M, but for the shear: its modulus is that of the rounded strain, without pressure; and for
-        C33 of a fabric with a table (:mod:`lcmchain.materials.strain_map`).
+        C33 of a fabric with a table (:mod:`.features.shear_compaction`).
         """
         E = np.array(E, dtype=float)
         diagonal = np.arange(6)
@@ -490,8 +465,8 @@ class Fabric:
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
         if self.coupling is not None:
-            own, _, C33, *_ = self._mapped(E)
-            C[..., 2, 2] = mapped_stabilising.py_func(own, None, C33)
+            strain_map, _, C33, *_ = self._mapped(E)
+            C[..., 2, 2] = mapped_stabilising.py_func(strain_map, None, C33)
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
         return C, slope, curvature
@@ -503,8 +478,8 @@ class Fabric:
         slope[..., 3] = self._shear_slope(E[..., 3])
         slope[..., 2] = self._compaction_slope(self._seen(E))
         if self.coupling is not None:
-            own, _, _, slope33, _ = self._mapped(E)
-            slope[..., 2] = mapped_slope.py_func(own, slope33)
+            strain_map, _, _, slope33, _ = self._mapped(E)
+            slope[..., 2] = mapped_slope.py_func(strain_map, slope33)
         return slope
 
     def tangent_curvature(self, E: ArrayLike) -> np.ndarray:
@@ -514,8 +489,8 @@ class Fabric:
         curvature[..., 3] = self._shear_curvature(E[..., 3])
         curvature[..., 2] = self._compaction_curvature(self._seen(E))
         if self.coupling is not None:
-            own, _, _, *derivatives = self._mapped(E)
-            curvature[..., 2] = mapped_curvature.py_func(own, *derivatives)
+            strain_map, _, _, *derivatives = self._mapped(E)
+            curvature[..., 2] = mapped_curvature.py_func(strain_map, *derivatives)
         return curvature
 
     def tangent_couplings(self, E: ArrayLike) -> TangentCoupling:
@@ -529,10 +504,10 @@ class Fabric:
     def _mapped(self, E):
         """Return the map of the coupling, and S33 and C33 with the derivatives of C33 there."""
         assert self.coupling is not None
-        own = self.coupling.at(E[..., 2], E[..., 3])
-        S33, C33 = self._compaction(own.strain)
-        slope33 = self._compaction_slope(own.strain)
-        return own, S33, C33, slope33, self._compaction_curvature(own.strain)
+        strain_map = self.coupling.at(E[..., 2], E[..., 3])
+        S33, C33 = self._compaction(strain_map.strain)
+        slope33 = self._compaction_slope(strain_map.strain)
+        return strain_map, S33, C33, slope33, self._compaction_curvature(strain_map.strain)
 
     def bending_matrix(self) -> np.ndarray:
         """Return C^B (6, 6), Eq. (25)."""
@@ -628,34 +603,36 @@ class Fabric:
         return stored + self._remembered_energy(history)
 
     def _remembered_energy(self, history: np.ndarray | None) -> Any:
-        """Return what Maxwell elements, friction, and what relaxes store [J/m³]."""
+        """Return what Maxwell elements, friction and relaxing compaction store [J/m³]."""
         stored: Any = 0.0
         if history is None:
             return stored
         if self.viscous is not None:
-            stored += self.viscous.stored(self.viscous.own_memory(self.law, history)[3:])
+            stored += self.viscous.stored(own_memory(self.law, self.viscous.memory, history)[3:])
         if self.shear_friction is not None:
-            moment = self.shear_friction.own_memory(self.law, history)[1]
+            moment = own_memory(self.law, self.shear_friction.memory, history)[1]
             stored += moment**2 / (2.0 * self.shear_friction.modulus)
         return stored + self._stored_by_relaxation(history)
 
     def _stored_by_relaxation(self, history: np.ndarray) -> np.ndarray | float:
         if self.relaxation is None:
             return 0.0
-        own = history[: len(self.relaxation.memory)]
-        return self.relaxation.stored(own, self.law, self._compaction_energy)
+        memory = own_memory(self.law, self.relaxation.memory, history)
+        return self.relaxation.stored(memory, self.law, self._compaction_energy)
 
     def dissipated_energy(self, history: np.ndarray) -> np.ndarray:
-        """Return what the law has dissipated [J/m³] but by its viscosity: in friction."""
+        """Return what friction has dissipated [J/m³]; for rates see :meth:`viscous_energy`."""
         lost = self._lost_in_bending("bending_friction_loss", history)
         friction = self.shear_friction
-        return lost if friction is None else lost + friction.own_memory(self.law, history)[2]
+        return (
+            lost if friction is None else lost + own_memory(self.law, friction.memory, history)[2]
+        )
 
     def viscous_energy(self, history: np.ndarray) -> np.ndarray:
         """Return what rates have dissipated [J/m³]; history (history_count, ...)."""
         lost = self._lost_in_bending("viscous_bending_loss", history)
         if self.viscous is not None:
-            lost = lost + self.viscous.own_memory(self.law, history)[2]
+            lost = lost + own_memory(self.law, self.viscous.memory, history)[2]
         if self.relaxation is not None:
             lost = lost + history[len(OWN_MEMORY) - 1] - self._stored_by_relaxation(history)
         return lost
@@ -663,22 +640,29 @@ class Fabric:
     def _lost_in_bending(self, name: str, history: np.ndarray) -> np.ndarray:
         if self.bending_losses is None:
             return np.zeros(np.shape(history)[1:])
-        return self.bending_losses.lost(name, self.bending_losses.own_memory(self.law, history))
+        return self.bending_losses.lost(
+            name, own_memory(self.law, self.bending_losses.memory, history)
+        )
 
     def rate_stress(self, E: np.ndarray, history: np.ndarray, step: Step) -> np.ndarray:
         """Return the part of S^M (..., 6) that depends on the step that leads to E (..., 6)."""
         S = np.zeros(np.shape(E))
         if self.temperature is not None:
-            step = step._replace(size=step.size * history[self.law.rate_factor_at])
+            step = step._replace(size=step.size * history[place_in_memory(self.law, RATE_FACTOR)])
         if self.relaxation is not None:
-            own = history[: len(self.relaxation.memory)]
-            S += self.relaxing_stress(E, self.relaxed(E, own, step.size))
+            memory = own_memory(self.law, self.relaxation.memory, history)
+            S += self.relaxing_stress(E, self.relaxed(E, memory, step.size))
         if self.viscous is not None:
-            S += stress_of_step(self.viscous, E, self.viscous.own_memory(self.law, history), step)
+            S += stress_of_step(
+                self.viscous, E, own_memory(self.law, self.viscous.memory, history), step
+            )
         if self.shear_friction is not None:
-            own, g = self.shear_friction.own_memory(self.law, history), np.asarray(E)[..., 3]
-            moment = self.shear_friction.in_step(g, own, self._shear(g)[0])[1]
-            S[..., 3] += self.shear_friction.stress_of(own[0], g, moment)
+            memory, g = (
+                own_memory(self.law, self.shear_friction.memory, history),
+                np.asarray(E)[..., 3],
+            )
+            moment = self.shear_friction.in_step(g, memory, self._shear(g)[0])[1]
+            S[..., 3] += self.shear_friction.stress_of(memory[0], g, moment)
         return S
 
     def initial_history(self, points: np.ndarray) -> np.ndarray:
@@ -691,7 +675,7 @@ class Fabric:
         history = np.zeros((history_count(self.law), len(points)))
         if self.temperature is not None:
             factor = self.temperature.rate_factor(self.temperature.at(points))
-            history[self.law.rate_factor_at] = factor
+            history[place_in_memory(self.law, RATE_FACTOR)] = factor
         return history
 
     def relaxing_stress(self, E: np.ndarray, memory: np.ndarray) -> np.ndarray:
@@ -717,11 +701,11 @@ class Fabric:
 
     def viscosity(self, E: np.ndarray) -> np.ndarray:
         """Return the viscosities (..., 6) [Pa s] that bound the step at E (..., 6)."""
-        found = np.zeros(np.shape(E))
+        viscosities = np.zeros(np.shape(E))
         if self.viscous is not None:
             slowest = 1.0 if self.temperature is None else self.temperature.slowest
-            found[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
-        return found
+            viscosities[..., 3] = slowest * self.viscous.bound(np.asarray(E)[..., 3])
+        return viscosities
 
     def _energy_in_plane(self, E: ArrayLike) -> np.ndarray:
         """Return W^M without that of the compaction."""
@@ -787,26 +771,6 @@ class Fabric:
 
 
 # --- scene ----------------------------------------------------------------------------------------
-
-
-class ShearFrictionTable(SceneModel):
-    """Friction of yarns that turn on each other (Dahl): fabric comes back another way."""
-
-    stress: PositiveStiffness = Field(
-        description="Limit of the friction's moment per volume: half the width of a loop of the "
-        "shear stress at a small angle."
-    )
-    angle: AcuteAngle = Field(
-        description="Change of the shear angle over which the friction comes to 63 % of its limit."
-    )
-    growth: Annotated[float, Number(0.2, NOT_NEGATIVE)] = Field(
-        default=0.0,
-        description="What the limit gains with the shear stress of the elastic part, over it.",
-    )
-
-    @property
-    def friction(self) -> ShearFriction:
-        return ShearFriction(self.stress, self.angle, self.growth)
 
 
 class FabricMembrane(SceneModel):
@@ -877,33 +841,6 @@ class FabricMembrane(SceneModel):
         return self
 
 
-class PressureCurveTable(SceneModel):
-    """Compaction of fabric that is sheared by one angle: thickness and pressure of plates."""
-
-    shear_angle: Annotated[
-        float, Quantity(ANGLE, Range(0.0, LARGEST_ANGLE, words="be 0 to 75 deg"), "30 deg")
-    ] = Field(description="Shear angle; the first curve has 0 deg, the others rise.")
-    stretch: Annotated[
-        tuple[Annotated[float, Number(0.9, POSITIVE)], ...],
-        Row("[1.1, 1.0, 0.9]", minimum_count=2, entries="stretches", units=False),
-    ] = Field(
-        description="Thickness over that of the unloaded, unsheared fabric, falling; the first is "
-        "that without pressure."
-    )
-    pressure: Annotated[
-        tuple[Annotated[float, Quantity(PRESSURE, NOT_NEGATIVE)], ...],
-        Row('"0 0.02 0.2 MPa"', minimum_count=2, entries="pressures"),
-    ] = Field(
-        description="Pressure of the plates on the present area, rising from 0; "
-        f"{1 + MOST_PRESSURES} at most."
-    )
-
-    @property
-    def curve(self) -> PressureCurve:
-        """The points."""
-        return PressureCurve(self.shear_angle, self.stretch, self.pressure)
-
-
 class FabricCompaction(ExponentialCompaction):
     """Compaction stiffness C33 = c0 exp(c1 |E33|^c2) (paper Eq. (23))."""
 
@@ -930,13 +867,13 @@ class FabricCompaction(ExponentialCompaction):
 
     @property
     def coupling(self) -> Coupling | None:
-        """How the thickness knows the shear, None where it does not."""
+        """How the thickness depends on the shear, None where it does not."""
         if self.table:
             return self._pressure_table()
         return PowerCoupling(self.shear_coupling) if self.shear_coupling else None
 
     def _pressure_table(self) -> PressureTable:
-        return PressureTable([own.curve for own in self.table], self.c0, self.c1, self.c2)
+        return PressureTable([entry.curve for entry in self.table], self.c0, self.c1, self.c2)
 
     @model_validator(mode="after")
     def _check_table(self) -> Self:
@@ -946,28 +883,6 @@ class FabricCompaction(ExponentialCompaction):
             raise wrong("cannot stand beside table, which holds it; leave one out", field="table")
         if fault := self._pressure_table().fault():
             raise wrong(fault, field="table")
-        return self
-
-
-class BendingCurveTable(SceneModel):
-    """Moment per width over curvature, by points from zero; it softens, and goes on straight."""
-
-    curvature: Annotated[
-        tuple[PositiveCurvature, ...], Row('"2 5 20 1/m"', minimum_count=1, entries="curvatures")
-    ] = Field(description=f"Curvatures of the points, increasing, {KINKS} at most.")
-    moment: Annotated[
-        tuple[PositiveForce, ...], Row('"0.24 0.32 0.38 N"', minimum_count=1, entries="moments")
-    ] = Field(description="Moments per width at these curvatures [N m/m].")
-
-    @property
-    def curve(self) -> BendingCurve:
-        """The points."""
-        return BendingCurve(self.curvature, self.moment)
-
-    @model_validator(mode="after")
-    def _check_points(self) -> Self:
-        if fault := self.curve.fault():
-            raise wrong(fault, field="moment")
         return self
 
 
@@ -1066,7 +981,7 @@ class FabricMaterial(FabricTable):
         return self.compaction.coupling is not None
 
     def without_shear_coupling(self) -> Self:
-        """Return the fabric whose thickness does not know its shear, that of c0, c1, c2."""
+        """Return the fabric whose thickness does not depend on its shear, that of c0, c1, c2."""
         return self._with("compaction", shear_coupling=0.0, table=())
 
     def without_locking(self) -> Self:

@@ -1,16 +1,16 @@
 """Fabric that does not spring back all the way: hysteresis of compaction by a permanent set.
 
-A dry textile that was compacted keeps part of it: its fibres have slid and nested. Being compacted
-it obeys the law of :mod:`lcmchain.materials.fabric`; on the way back its strain is counted from a
-set, the share s of the largest compaction κ = min E33 so far,
+A dry textile that was compacted keeps part of the compaction: its fibres have slid and nested.
+While it is compacted it obeys the law of :mod:`lcmchain.materials.fabric`. On the way back its
+strain is counted from a set, the share s of the largest compaction κ = min E33 so far,
 
     S33 = C33(E') E',  E' = (E33 - s κ) / (1 - s)  for E33 < s κ,  E' = E33 - s κ  above,
 
 so that the curve starts where the loading has ended (E' = κ at E33 = κ) and reaches zero stress at
-the set. The stored energy is (1 - s) W33(E'), what is lost s W33(κ): together the work of the
+the set. The stored energy is (1 - s) W33(E'), the lost energy s W33(κ): together the work of the
 loading. One number is remembered, κ. The tangent is that of the way back also while κ grows, since
-small vibrations about a state go back and forth. Where the thickness knows its shear, all strains
-are those that the compaction law sees (:mod:`lcmchain.materials.shear_compaction`).
+small vibrations about a state go back and forth. Where the thickness depends on the shear, all
+strains are those that the compaction law sees (:mod:`.features.shear_compaction`).
 
 Source: the phenomenon, Robitaille and Gauvin, "Compaction of textile reinforcements for composites
 manufacturing. II", Polymer Composites 19 (1998). The form is the simplest one that dissipates and
@@ -28,11 +28,6 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from lcmchain.jit import equation
-from lcmchain.materials.compaction import (
-    compaction_stress_and_tangent,
-    compaction_tangent_curvature,
-    compaction_tangent_slope,
-)
 from lcmchain.materials.fabric import (
     Fabric,
     FabricCompaction,
@@ -40,11 +35,28 @@ from lcmchain.materials.fabric import (
     FabricMaterial,
     evolved_shear,
     fabric_bending_stiffness,
+    name_twins,
+    with_shear_losses,
+)
+from lcmchain.materials.features.compaction import (
+    compaction_stress_and_tangent,
+    compaction_tangent_curvature,
+    compaction_tangent_slope,
+)
+from lcmchain.materials.features.shear import (
     shear_stress_and_tangent,
     stabilising_shear_curvature,
     stabilising_shear_slope,
     stabilising_shear_tangent,
-    with_shear_losses,
+)
+from lcmchain.materials.features.shear_compaction import (
+    curvature_at_shear,
+    shear_tangents,
+    slope_at_shear,
+    stabilising_at_shear,
+    strain_of,
+    thickening,
+    with_thickening,
 )
 from lcmchain.materials.law import (
     Remembered,
@@ -57,16 +69,6 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
-from lcmchain.materials.shear_compaction import (
-    curvature_at_shear,
-    shear_tangents,
-    slope_at_shear,
-    stabilising_at_shear,
-    strain_of,
-    thickening,
-    with_thickening,
-)
-from lcmchain.materials.variants import name_twins
 from lcmchain.quantities.entry_types import Number, Range, wrong
 
 FabricWithSetLaw = NamedTuple(
@@ -279,7 +281,7 @@ class FabricWithSetMaterial(FabricMaterial):
 
     def without_memory(self) -> FabricMaterial:
         """Return the fabric that leaves no set."""
-        own = dict(self.compaction)
-        own.pop("permanent_set")
-        entries = dict(self) | {"law": "fabric", "compaction": FabricCompaction(**own)}
+        compaction = dict(self.compaction)
+        compaction.pop("permanent_set")
+        entries = dict(self) | {"law": "fabric", "compaction": FabricCompaction(**compaction)}
         return FabricMaterial(**entries)

@@ -1,23 +1,23 @@
 """Fabric of one, two or three families of fibres, at any angles: unidirectional, biaxial, triaxial.
 
-Every family has a direction a in the plane, fixed in the reference, and every pair a change of the
-angle φ between its two. With E the Green-Lagrange strain the law reads invariants that are linear
-in it,
+Every family has a direction a in the plane, fixed in the reference. Every pair of families a, b has
+an angle φ between them, φ0 at the start. The law reads invariants that are linear in the
+Green-Lagrange strain E,
 
     I_a = a·E a,   g_ab = (2 a·E b - cos φ0 (I_a + I_b)) / sin φ0,
 
 the strain of a family and the shear of a pair. For fibres that keep their length
-g_ab = (cos φ - cos φ0) / sin φ0, which is sin γ for a right angle, and to first order the change
-γ = φ0 - φ for any. The energy is a sum of potentials of one invariant each, so that stress and
-tangent are sums too,
+g_ab = (cos φ - cos φ0) / sin φ0: sin γ for a right angle, and to first order the change γ = φ0 - φ
+for any. The energy is a sum of potentials of one invariant each. So stress and tangent are sums
+too,
 
     S = Σ w'(I) ∂I/∂E,   C = Σ w''(I) ∂I/∂E ⊗ ∂I/∂E,
 
-with the sum over families, pairs, the compaction E33 of :mod:`lcmchain.materials.compaction` and
-both transverse shears. A family has one modulus in tension and one in compression, w' = C I, or
-points of a measured curve, linear between them. A pair has the shear polynomial and the locking of
-:mod:`lcmchain.materials.fabric`, taken at g_ab. The bending C^B is a sum of the same kind. Two
-families at 0 and 90 degrees whose fibres are as stiff in compression are that fabric.
+over families, pairs, the compaction E33 of :mod:`.features.compaction` and both transverse shears.
+A family has one modulus in tension and one in compression, w' = C I, or points of a measured curve,
+linear between them. A pair has the shear polynomial and the locking of :mod:`.features.shear`,
+taken at g_ab. The bending C^B is a sum of the same kind. Two families at 0 and 90 degrees whose
+fibres are as stiff in compression as in tension are the fabric of :mod:`lcmchain.materials.fabric`.
 
 A unidirectional fabric has one family. What holds it together, stitching and friction, is stated
 across its fibres: a modulus in tension, one in compression, and the shear of the line across.
@@ -26,12 +26,13 @@ Compression across the fibres may be measured by their spacing d instead of the 
 
     (d² - 1)/2 = I_b - g² / (2 (1 + 2 I_a)),
 
-which fibres that slide along each other leave as it is (:func:`pressed_together`). It alone is not
-linear in the strain: what it adds to stress and tangent lies along the same directions, and its
-tangent is bounded by moduli of them. A law of its own (:class:`SpacedFibreFamiliesLaw`).
+which does not change where fibres slide along each other (:func:`pressed_together`). It alone is
+not linear in the strain. What it adds to stress and tangent lies along the same directions, and
+moduli of these directions bound its tangent. Such a fabric has a law of its own
+(:class:`SpacedFibreFamiliesLaw`).
 
 The modulus of fibres jumps where they go from tension to compression. The tangent that stabilises
-the element takes the larger one, always: with it the hourglass energy keeps its potential.
+the element always takes the larger one: with it the hourglass energy keeps its potential.
 
 Sources: Schäfer, Mitsch, Kärger, Eqs. (19)-(25) for the forms; invariants of material directions
 for unidirectional fabrics, with shear, transverse tension and transverse compression superposed:
@@ -51,15 +52,19 @@ from pydantic import Field, model_validator
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.compaction import (
+from lcmchain.materials.fabric import Fabric
+from lcmchain.materials.features.compaction import (
     compaction_stress_and_tangent,
     compaction_tangent_curvature,
     compaction_tangent_slope,
     linear_class,
     linear_where_constant,
 )
-from lcmchain.materials.fabric import (
-    Fabric,
+from lcmchain.materials.features.shear import (
+    locking_response,
+    locking_tangent_curvature,
+    locking_tangent_slope,
+    rounded_shear_of,
     shear_stress_and_tangent,
     stabilising_shear_curvature,
     stabilising_shear_slope,
@@ -72,12 +77,6 @@ from lcmchain.materials.law import (
     membrane_response,
     tangent_curvature,
     tangent_slope,
-)
-from lcmchain.materials.rounded_shear import rounded_shear_of
-from lcmchain.materials.shear_locking import (
-    locking_response,
-    locking_tangent_curvature,
-    locking_tangent_slope,
 )
 from lcmchain.materials.stiffness import AlongFibres, in_axes, read_by
 from lcmchain.materials.table import ExponentialCompaction, FabricTable
@@ -141,7 +140,7 @@ class PairShear(NamedTuple):
     """Shear law of a pair: the polynomial of Eq. (21), and locking on both sides.
 
     closed, opened : sizes of g_ab from which on it locks when the angle has become smaller, and
-    larger; their growths are those of :class:`lcmchain.materials.shear_locking.ShearLocking`.
+    larger; their growths are those of :class:`.shear.ShearLocking`.
     """
 
     s0: Any
@@ -331,8 +330,8 @@ def families_hourglass_tangent(law, E, C_M, history):
         stabilising_shear_tangent(pair_shear(law, 1), read_by(b[1], E)),
         stabilising_shear_tangent(pair_shear(law, 2), read_by(b[2], E)),
     )
-    own = larger_moduli(law)
-    return stiffness_of(law, own, own, shear, C_M.C33, C_M.C23, C_M.C13)
+    largest = larger_moduli(law)
+    return stiffness_of(law, largest, largest, shear, C_M.C33, C_M.C23, C_M.C13)
 
 
 @implements(tangent_slope, FibreFamiliesLaw)
@@ -610,8 +609,8 @@ class FibreFamilies(Fabric):
         self.normal = families if across is None else (*families, across)
         self.pairs = pairs
         values = np.zeros(SIZE)
-        for k, own in enumerate(self.normal):
-            values[k * FAMILY : (k + 1) * FAMILY] = own.numbers()
+        for k, family in enumerate(self.normal):
+            values[k * FAMILY : (k + 1) * FAMILY] = family.numbers()
         for k, pair in enumerate(pairs):
             first = MOST_FAMILIES * FAMILY + k * PAIR
             values[first : first + PAIR] = pair.numbers()
@@ -646,29 +645,29 @@ class FibreFamilies(Fabric):
     @property
     def locking_angles(self) -> tuple[float | None, ...]:
         """Change of its angle from which on every pair locks [rad], None where it never does."""
-        found = {
+        pair_of = {
             frozenset((self.normal.index(pair.first), self.normal.index(pair.second))): pair
             for pair in self.pairs
         }
         order = [frozenset(numbers) for numbers in ((0, 1), (1, 2), (2, 0))]
-        return tuple(found[n].locking_angle if n in found else None for n in order)
+        return tuple(pair_of[n].locking_angle if n in pair_of else None for n in order)
 
     def with_fibre_modulus(self, factor: float) -> Self:
         """Return the fabric with the moduli of its fibres in the membrane times a factor."""
 
-        def softer(own: Family) -> Family:
-            if not own.is_fibre:
-                return own
-            return own._replace(
-                tension=own.tension.times(factor), compression=own.compression.times(factor)
+        def softer(family: Family) -> Family:
+            if not family.is_fibre:
+                return family
+            return family._replace(
+                tension=family.tension.times(factor), compression=family.compression.times(factor)
             )
 
         changed = copy.copy(self)
-        changed.families = tuple(softer(own) for own in self.families)
-        changed.normal = tuple(softer(own) for own in self.normal)
+        changed.families = tuple(softer(family) for family in self.families)
+        changed.normal = tuple(softer(family) for family in self.normal)
         plane = self.law.plane.copy()
-        for k, own in enumerate(changed.normal):
-            plane[k * FAMILY : (k + 1) * FAMILY] = own.numbers()
+        for k, family in enumerate(changed.normal):
+            plane[k * FAMILY : (k + 1) * FAMILY] = family.numbers()
         changed.law = self.law._replace(plane=plane)
         changed.fibre_modulus_factor = factor * self.fibre_modulus_factor
         return changed
@@ -677,9 +676,9 @@ class FibreFamilies(Fabric):
         """Return S^M (..., 6) and the tangent C^M (..., 6, 6) for strains E (..., 6)."""
         E = np.asarray(E)
         S, C = np.zeros_like(E), np.zeros((*E.shape, 6))
-        for own in self._by_their_length:
-            read = in_voigt(own.reader)
-            _add(S, C, read, *own.response(E @ read)[:2])
+        for family in self._by_their_length:
+            read = in_voigt(family.reader)
+            _add(S, C, read, *family.response(E @ read)[:2])
         for pair in self.pairs:
             read = in_voigt(pair.reader)
             _add(S, C, read, *_shear_of(pair, E @ read)[:2])
@@ -709,7 +708,7 @@ class FibreFamilies(Fabric):
 
         With the square 1 + 2 I_a of the stretch along the fibres it is I_b - g²/(2 (1 + 2 I_a)).
         """
-        along, across = (in_voigt(own.reader) for own in self.normal)
+        along, across = (in_voigt(family.reader) for family in self.normal)
         shear = in_voigt(self.pairs[0].reader)
         grown = (1.0 + 2.0 * (E @ along))[..., None]
         turn = (E @ shear)[..., None] / grown
@@ -724,10 +723,10 @@ class FibreFamilies(Fabric):
         E = np.asarray(E, dtype=float)
         zero = np.zeros(E.shape[:-1])
         readers, fibre, modulus, slope, curvature = [], [], [], [], []
-        for own in self.normal:
-            readers.append(in_voigt(own.reader))
-            fibre.append(float(own.is_fibre))
-            modulus.append(zero + own.largest)
+        for family in self.normal:
+            readers.append(in_voigt(family.reader))
+            fibre.append(float(family.is_fibre))
+            modulus.append(zero + family.largest)
             slope.append(zero)
             curvature.append(zero)
         for pair in self.pairs:
@@ -778,7 +777,7 @@ class FibreFamilies(Fabric):
         """Return C^B (6, 6)."""
         law = self.law
         C = np.diag([0.0, 0.0, law.B33, 0.0, law.B23, law.B13])
-        for reader, modulus in [(own.reader, own.bending) for own in self.normal] + [
+        for reader, modulus in [(family.reader, family.bending) for family in self.normal] + [
             (pair.reader, pair.torsion) for pair in self.pairs
         ]:
             read = in_voigt(reader)
@@ -790,8 +789,8 @@ class FibreFamilies(Fabric):
         E = np.asarray(E)
         law = self.law
         energy = 0.5 * (law.C23 * E[..., 4] ** 2 + law.C13 * E[..., 5] ** 2)
-        for own in self._by_their_length:
-            energy = energy + own.response(E @ in_voigt(own.reader))[2]
+        for family in self._by_their_length:
+            energy = energy + family.response(E @ in_voigt(family.reader))[2]
         if self.spaced:
             strain = np.minimum(self._spacing(E)[0], 0.0)
             energy = energy + self.normal[1].response(strain)[2]
@@ -815,9 +814,9 @@ class FibreFamilies(Fabric):
         largest = 0.0
         for bends in (False, True):
             C = np.zeros((3, 3))
-            for own in self.normal:
-                modulus = own.bending if bends else own.largest
-                C += modulus * np.outer(own.reader, own.reader)
+            for family in self.normal:
+                modulus = family.bending if bends else family.largest
+                C += modulus * np.outer(family.reader, family.reader)
             # the shear strain has parts of two directions
             C[2] *= math.sqrt(2.0)
             C[:, 2] *= math.sqrt(2.0)
@@ -827,7 +826,8 @@ class FibreFamilies(Fabric):
     def _bending_along(self, angle: float) -> float:
         """Return the bending modulus of the fibres along lines of the mesh, 0 without such."""
         apart = (
-            (own.bending, abs(math.remainder(own.angle - angle, math.pi))) for own in self.families
+            (family.bending, abs(math.remainder(family.angle - angle, math.pi)))
+            for family in self.families
         )
         return sum(bending for bending, off in apart if off < ALONG_THE_MESH)
 
@@ -1161,13 +1161,13 @@ class FibreFamiliesMaterial(FabricTable):
     def fibre_families(self) -> tuple[Family, ...]:
         """The families of fibres."""
         return tuple(
-            Family(own.angle, own.side("tension"), own.side("compression"), own.bending)
-            for own in self.fibres
+            Family(table.angle, table.side("tension"), table.side("compression"), table.bending)
+            for table in self.fibres
         )
 
     @property
     def fibre_angles(self) -> tuple[float, ...]:
-        return tuple(own.angle for own in self.fibres)
+        return tuple(table.angle for table in self.fibres)
 
     @property
     def across_family(self) -> Family | None:

@@ -4,19 +4,20 @@
 
 Ψ is the energy of the incompressible sheet in plane stress, a function of the eigenvalues c1, c2 of
 the right Cauchy-Green tensor C in the plane alone: the stretch over the thickness in it is
-1/(λ1 λ2). J² = C33 (C11 C22 - C12²) is the real change of volume, with the real thickness. A sheet
-that nothing presses on takes J = 1 and has the stress of the incompressible law exactly, whatever
-the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress is that
-of the incompressible law less p in all directions, as it should be: K has to be large beside the
-pressure and not beside the shear modulus μ, and may stay as low as the step likes it. The force on
-the thickness is linear in it with (J - 1)²: a thickness that vibrates under a stiffening force
-gains energy from central differences where its period is near three steps, and steps are that long
-where the thickness governs them.
+1/(λ1 λ2). J² = C33 (C11 C22 - C12²) is the real change of volume, with the real thickness.
 
-That fits a solid-shell with one point in the plane: its thickness is free in every element, so that
-J = 1 locks nothing. What varies along ζ sees the incompressible sheet in plane stress at rest. The
-terms that stabilise the element take a constant diagonal stiffness without K: they have a potential
-of their own, and no volume to lock.
+A sheet that nothing presses on takes J = 1 and has the stress of the incompressible law exactly,
+whatever the bulk modulus K is. Under a pressure p on its faces J - 1 is about -p/K, and its stress
+is that of the incompressible law less p in all directions, as it should be. So K has to be large
+beside the pressure, not beside the shear modulus μ, and may be low for the sake of the step. With
+(J - 1)² the force on the thickness is linear in the thickness. A thickness that vibrates under a
+stiffening force would gain energy from central differences where its period is near three steps,
+and steps are that long where the thickness governs them.
+
+This suits a solid-shell with one point in the plane: its thickness is free in every element, so
+that J = 1 locks nothing. Strains that vary along ζ see the incompressible sheet in plane stress at
+rest. The terms that stabilise the element take a constant diagonal stiffness without K: they have a
+potential of their own, and no volume to lock.
 
 Derivatives are taken over the mean m = (c1 + c2)/2 and half the difference r of the eigenvalues.
 All energies are even in r, so that every quotient by r below has a limit where both stretches are
@@ -28,7 +29,7 @@ Mechanics", 6.4 and 6.5.
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -148,12 +149,22 @@ def sheet_stabilising(shear):
 # --- plain ----------------------------------------------------------------------------------------
 
 
+class RubberLaw(Protocol):
+    """Parameters that all laws of rubber have: shear modulus at rest and bulk modulus [Pa]."""
+
+    @property
+    def shear(self) -> float: ...
+
+    @property
+    def bulk(self) -> float: ...
+
+
 class Hyperelastic:
     """A sheet of rubber with the constants of its law; energies by the principal stretches.
 
     Parameters
     ----------
-    law : NamedTuple with ``shear`` and ``bulk`` [Pa].
+    law : NamedTuple of the parameters.
     thickness : [m]. density : [kg/m³].
 
     A law's own class gives ``_energy_of(c)``, the share of one principal value c = λ² in the
@@ -171,7 +182,7 @@ class Hyperelastic:
     fibre_bending = (0.0, 0.0)
     fibre_angles: tuple[float, ...] = ()
 
-    def __init__(self, law: Any, *, thickness: float, density: float, name: str = "") -> None:
+    def __init__(self, law: RubberLaw, *, thickness: float, density: float, name: str = "") -> None:
         self.law = law
         self.thickness = thickness
         self.density = density
@@ -224,15 +235,15 @@ class Hyperelastic:
         )
         # (m, d, γ) of (E11, E22, 2 E12)
         read = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
-        own = [0, 1, 3]
+        in_plane = [0, 1, 3]
         S = np.zeros(E.shape, dtype=M.dtype)
-        S[..., own] = np.concatenate([S_mean[..., None], S_turn], axis=-1) @ read
+        S[..., in_plane] = np.concatenate([S_mean[..., None], S_turn], axis=-1) @ read
         S[..., 2] = K * (J - 1.0) * J / C33
         S[..., 4:] = self.law.shear * E[..., 4:]
         C = np.zeros((*E.shape, 6), dtype=M.dtype)
-        C[..., np.ix_(own, own)[0], np.ix_(own, own)[1]] = read.T @ M @ read
+        C[..., np.ix_(in_plane, in_plane)[0], np.ix_(in_plane, in_plane)[1]] = read.T @ M @ read
         of_D = (K * (2.0 - 1.0 / J))[..., None] * np.stack([m - d, m + d, -gamma], axis=-1)
-        C[..., own, 2], C[..., 2, own] = of_D, of_D
+        C[..., in_plane, 2], C[..., 2, in_plane] = of_D, of_D
         C[..., 2, 2] = K * J / C33**2
         C[..., 4, 4] = C[..., 5, 5] = self.law.shear
         return S, C

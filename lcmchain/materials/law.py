@@ -1,33 +1,34 @@
 """What a material law gives to the elements, and how kernels find it.
 
 A law is a flat NamedTuple of its parameters, numbers or arrays [SI]: a parallel loop takes no
-nested tuples. The file of a law says how each function of the protocol below is computed, with the
-decorator ``implements``; a kernel that is compiled for a law calls that law's own functions, which
-are inlined. Nothing else in the program needs to know the law.
+nested tuples. The file of a law registers its answer to each function of the protocol below with
+the decorator ``implements``. A kernel that is compiled for a law calls that law's own functions,
+which are inlined. Nothing else in the program needs to know the law.
 
 Strains and stresses are Green-Lagrange and second Piola-Kirchhoff in the reference fibre axes,
-Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness is a tuple of six
-moduli where it is diagonal, an ``Orthotropic`` where it couples the normal strains alone, an
-``AlongFibres`` of moduli of directions in the plane, each of which may depend on its own strain,
-else a tuple of six rows (:mod:`lcmchain.materials.stiffness`). A fabric whose thickness knows its
-shear answers the diagonal, and the one modulus beside it by ``tangent_coupling``.
+Voigt order 11, 22, 33, 12, 23, 13 with engineering shear strains. A stiffness has one of four forms
+(:mod:`lcmchain.materials.stiffness`): a tuple of six moduli where it is diagonal, an
+``Orthotropic`` where it couples the normal strains alone, an ``AlongFibres`` of moduli of
+directions in the plane, each of which may depend on its own strain, else a tuple of six rows. A
+fabric whose thickness depends on its shear answers the diagonal, and the one modulus beside it by
+``tangent_coupling``.
 
-A law with memory lists in ``remembers`` the numbers that each element keeps, zero at first, any
-count of them. Kernels hand them to the law as a tuple, as they were after the last step. What the
+A law with memory lists in ``remembers`` the numbers that each element keeps, any count of them,
+zero at first. Kernels hand them to the law as a tuple, as they were after the last step. What the
 law answers for a strain holds for the end of a step that leads there; :func:`evolved_history` gives
-the numbers then. A law that says ``knows_step = True`` finds the :class:`Step` behind them, its
-size and its time as the last two numbers of the tuple. Where no step is made, as when energies are
-asked for, its size is 0: the law answers as if no time passed. What resists a rate is told by
-:func:`viscosity`, which bounds the step.
+the numbers then. A law that says ``knows_step = True`` finds the :class:`Step` behind them: its
+size and its time are the last two numbers of the tuple. Where no step is made, as when energies are
+asked for, its size is 0, and the law answers as if no time passed. :func:`viscosity` tells what
+resists a rate; it bounds the step.
 
-Beside the law stands a :class:`Material`: the law with the constants of a sheet, written in plain
-NumPy where the rest of the program asks the same questions, so that each checks the other.
+Beside the law stands a :class:`Material`: the law with the constants of a sheet, in plain NumPy,
+for the rest of the program. Both are written apart, so that each checks the other.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -41,7 +42,9 @@ from lcmchain.materials.stiffness import product
 
 __all__ = [
     "Material",
+    "Remembered",
     "Step",
+    "TangentCoupling",
     "bending_bound",
     "bending_excess",
     "bending_losses_of",
@@ -52,37 +55,37 @@ __all__ = [
     "bending_viscosity",
     "bends_at_reference_thickness",
     "bends_by_curves",
-    "fibre_angles",
-    "is_film",
-    "locking_angles",
-    "tells_fibres",
-    "takes_fibre_share",
-    "sum_text",
-    "unrolled",
     "couples_shear",
     "evolved_bending",
     "evolved_history",
+    "fibre_angles",
     "history_count",
     "hourglass_tangent",
-    "Remembered",
-    "TangentCoupling",
-    "remembered",
     "implements",
+    "is_film",
     "knows_step",
     "load_history",
     "load_past",
+    "locking_angles",
     "membrane_response",
+    "own_memory",
+    "place_in_memory",
     "plane_bending_stiffness",
     "plane_response",
+    "remembered",
     "serves_planes",
     "stabilising_tangent",
     "store_history",
     "stored_bending",
     "stress_in_step",
+    "sum_text",
+    "takes_fibre_share",
     "tangent_coupling",
     "tangent_coupling_of",
     "tangent_curvature",
     "tangent_slope",
+    "tells_fibres",
+    "unrolled",
     "viscosity",
     "viscosity_of",
     "with_bending_losses",
@@ -121,18 +124,34 @@ class TangentCoupling(NamedTuple):
     curvature: Any
 
 
-def remembered(law: Any) -> tuple[Remembered, ...]:
+def remembered(law: object) -> tuple[Remembered, ...]:
     """Return what the law remembers, nothing for one without memory."""
     return getattr(law, "remembers", ())
 
 
-def history_count(law: Any) -> int:
+def history_count(law: object) -> int:
     """Return how many numbers per element the law remembers."""
     return len(remembered(law))
 
 
-def knows_step(law: Any) -> bool:
-    """Tell whether the law finds the step behind what it remembers."""
+def place_in_memory(law: object, entry: Remembered) -> int:
+    """Return where an entry stands in what a law, or a class of laws, remembers."""
+    return remembered(law).index(entry)
+
+
+def own_memory(law: object, entries: Sequence[Remembered], history: np.ndarray) -> np.ndarray:
+    """Return those of the numbers that a law remembers which stand for some entries in a row.
+
+    Parameters
+    ----------
+    history : (history_count, ...), all that it remembers.
+    """
+    first = place_in_memory(law, entries[0])
+    return history[first : first + len(entries)]
+
+
+def knows_step(law: object) -> bool:
+    """Tell whether a law finds the step behind the numbers that it remembers."""
     return bool(getattr(law, "knows_step", False))
 
 
@@ -252,13 +271,13 @@ def plane_bending_stiffness(law):
     """Return the moduli (C11^B, C22^B, C12^B) of the curvatures, for the 2D approach."""
 
 
-def serves_planes(law: Any) -> bool:
+def serves_planes(law: object) -> bool:
     """Tell whether a law answers for sheets without thickness."""
     return is_implemented(plane_response, type(law))
 
 
-# History of one lane, rows of LANES numbers apart. The compiler must know the length of a tuple:
-# a function is written for each count of numbers.
+# The history of one lane is spread over rows of LANES numbers. The compiler must know the length of
+# a tuple: a function is written for each count of numbers.
 
 
 @functools.cache
@@ -279,7 +298,7 @@ def _storer(count: int) -> Callable[..., None]:
     return names["store"]
 
 
-def written(text: str, **names: Any) -> Callable[..., Any]:
+def written(text: str, **names: Callable[..., Any]) -> Callable[..., Any]:
     """Return a function from its text, for what is written out for a count of numbers.
 
     names : what the text calls.
@@ -295,7 +314,9 @@ def sum_text(terms: list[str]) -> str:
 _WITHOUT_STEP, _WITH_STEP = "law, data, i, stride", "law, data, i, stride, step"
 
 
-def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], Any]:
+def unrolled(
+    text_of: Callable[..., str], **names: Callable[..., Any]
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Make a function whose text is written out for what a class of laws has a count of.
 
     Parameters
@@ -304,7 +325,7 @@ def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], An
         name and arguments, the law first.
     """
 
-    def register(stub: Any) -> Any:
+    def register(stub: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(stub)
         def function(law, *others):
             return written(text_of(type(law)), **names)(law, *others)
@@ -318,7 +339,7 @@ def unrolled(text_of: Callable[[type], str], **names: Any) -> Callable[[Any], An
     return register
 
 
-def load_history(law: Any, data: np.ndarray, i: int, stride: int) -> tuple:
+def load_history(law: object, data: np.ndarray, i: int, stride: int) -> tuple:
     """Return the history at ``data[i + k * stride]`` as a tuple, for a law asked in no step."""
     return _loader(history_count(law), knows_step(law), _WITHOUT_STEP)(law, data, i, stride)
 
@@ -329,7 +350,7 @@ def _choose_loader(law, data, i, stride):
     return _loader(history_count(law_class), knows_step(law_class), _WITHOUT_STEP)
 
 
-def load_past(law: Any, data: np.ndarray, i: int, stride: int, step: Step) -> tuple:
+def load_past(law: object, data: np.ndarray, i: int, stride: int, step: Step) -> tuple:
     """Return what :func:`load_history` does, for a law asked at the end of a step."""
     return _loader(history_count(law), knows_step(law), _WITH_STEP)(law, data, i, stride, step)
 
@@ -340,7 +361,7 @@ def _choose_loader_of_step(law, data, i, stride, step):
     return _loader(history_count(law_class), knows_step(law_class), _WITH_STEP)
 
 
-def store_history(law: Any, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
+def store_history(law: object, values: tuple, data: np.ndarray, i: int, stride: int) -> None:
     """Write what :func:`load_history` reads."""
     _storer(history_count(law))(law, values, data, i, stride)
 
@@ -454,7 +475,7 @@ def bends_by_curves(material: Material) -> bool:
 def bending_losses_of(material: Material) -> Any:
     """Return what the bending of a material loses; None without.
 
-    See :class:`lcmchain.materials.bending_losses.BendingLosses`.
+    See :class:`.features.bending_losses.BendingLosses`.
     """
     return getattr(material, "bending_losses", None)
 
@@ -488,16 +509,16 @@ def takes_fibre_share(material: Material) -> bool:
 def fibre_angles(material: Material) -> tuple[float, ...]:
     """Return the angle [rad] of every family of fibres from the first axis of the ply.
 
-    A material that does not say has two, along both axes.
+    By default two families along both axes.
     """
     return getattr(material, "fibre_angles", (0.0, 0.5 * np.pi))
 
 
 def locking_angles(material: Material) -> tuple[float | None, ...]:
-    """Return the shear angle [rad] from which on every pair of families locks, None where it never.
+    """Return the shear angle [rad] beyond which each pair of families locks, None where none does.
 
-    In the order of the fields ``shear_angle``, ``shear_angle_23``, ``shear_angle_31``; a material
-    that does not say locks nowhere.
+    In the order of the fields ``shear_angle``, ``shear_angle_23``, ``shear_angle_31``. By default
+    no pair locks.
     """
     return getattr(material, "locking_angles", (None,))
 
@@ -513,7 +534,7 @@ def tells_fibres(material: Material) -> bool:
 
 
 def couples_shear(material: Material) -> bool:
-    """Tell whether the thickness of a material knows its shear."""
+    """Tell whether the thickness of a material depends on its shear."""
     return bool(getattr(material, "couples_shear", False))
 
 
@@ -556,8 +577,8 @@ def bending_stress_in_step(
     S, losses = np.zeros(6), bending_losses_of(material)
     if losses is None or history is None:
         return S
-    own = losses.own_memory(material.law, history)
-    after = losses.in_step(E[:2] / height, own, 0.0 if step is None else step.size)
+    before = own_memory(material.law, losses.memory, history)
+    after = losses.in_step(E[:2] / height, before, 0.0 if step is None else step.size)
     S[:2] = height * losses.per_stiffness * losses.moments(after)
     return S
 

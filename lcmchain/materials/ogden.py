@@ -142,6 +142,8 @@ def ogden_stabilising(law, E, C_M, history):
 class Ogden(Hyperelastic):
     """An Ogden sheet in plain NumPy; see :class:`Hyperelastic`."""
 
+    law: OgdenLaw
+
     def _energy_of(self, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         pairs = zip(self.law[2::2], self.law[3::2], strict=True)
         terms = [(mu, 0.5 * alpha) for mu, alpha in pairs if mu is not None]
@@ -172,7 +174,7 @@ class OgdenMaterial(HyperelasticMaterial):
 
     @field_validator("mu", "alpha", mode="before")
     @classmethod
-    def _take_one(cls, value: Any) -> Any:
+    def _take_one(cls, value: object) -> object:
         """Take the value of a single term without brackets."""
         is_one = isinstance(value, int | float) and not isinstance(value, bool)
         is_one |= isinstance(value, str) and split_row(value) is None

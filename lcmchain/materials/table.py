@@ -1,6 +1,6 @@
-"""What scene tables offer beside their entries: those of every material law, and those of fabrics.
+"""What the scene tables of material laws share: all of them, and those of fabrics.
 
-Fabrics share their mass, their compaction, and checks of both.
+All tell what their law knows; fabrics also share their mass, their compaction, and checks of both.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class MaterialTable(SceneModel):
 
     @property
     def couples_shear(self) -> bool:
-        """Whether the thickness knows the shear."""
+        """Whether the thickness depends on the shear."""
         return False
 
     @property
@@ -68,12 +68,12 @@ class MaterialTable(SceneModel):
 
     @property
     def shear_rubs(self) -> bool:
-        """Whether sheared fabric rubs on itself."""
+        """Whether there is friction in the shear."""
         return False
 
     @property
     def bending_rubs(self) -> bool:
-        """Whether fibres that are bent rub on each other."""
+        """Whether there is friction in the bending."""
         return False
 
     @property
@@ -112,7 +112,7 @@ class MaterialTable(SceneModel):
         return self.fibre_angles == (0.0, 0.5 * math.pi)
 
     def remarks(self) -> list[str]:
-        """Say what is allowed but probably not meant."""
+        """Return what is allowed but probably not meant, a sentence each."""
         return []
 
 
@@ -177,7 +177,7 @@ class FabricTable(MaterialTable):
         """Return the fabric whose fibres have no stiffness against bending within the plane."""
         return self._with("bending", in_plane=0.0)
 
-    def _with(self, table: str, /, **entries: Any) -> Self:
+    def _with(self, table: str, /, **entries: object) -> Self:
         return self.model_copy(update={table: getattr(self, table).model_copy(update=entries)})
 
     @property

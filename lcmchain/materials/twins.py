@@ -1,11 +1,14 @@
 """Twins of classes of laws: all that a class answers, and one thing more.
 
-What a fabric may know beside the published law (locking, a constant C33, thickening by shear,
-bending by curves, a shear that depends on its rate, friction) is a class of its own, with the
-parameters that it takes: where a scene states none of it, kernels hold none of this.
+What a fabric may know beside the published law (:mod:`lcmchain.materials.features`) is a class of
+its own, with the parameters that it takes: kernels of a scene that states none of it hold none of
+it.
 
-Of some kinds of twins there are too many to make them all, since each may be made of any other:
-they are made when their name is asked for (:func:`made_on_demand`).
+Some twins have names of their own and are globals of the module of their law (``name_twins`` in
+``fabric.py``). Of the other kinds there are too many to make them all, since each may be made of
+any other: they are made when their name is asked for (:func:`made_on_demand`). A process that takes
+a compiled kernel from disk asks for them by that name, in the module :data:`HOME`, which imports
+all laws first.
 """
 
 from __future__ import annotations
@@ -16,20 +19,39 @@ from typing import Any, NamedTuple
 
 from lcmchain.dispatch import implements, inherit
 
+#: The module that offers the twins that are made on demand: it knows all laws of the package.
+HOME = "lcmchain.materials.laws"
+
+#: What a twin takes over from its class as it is, beside its parameters: what it remembers, and how
+#: many elements of each kind it has.
+TOLD = (
+    "remembers",
+    "knows_step",
+    "relaxing_count",
+    "maxwell_count",
+    "bending_memory",
+    "bending_elements",
+    "bending_resists_rates",
+)
+
+Maker = Callable[[re.Match[str], type], type]
+
 # Classes of laws of which twins can be made on demand, by their names, and the twins so far.
-_bases: dict[str, Any] = {}
-_twins: dict[str, Any] = {}
+_bases: dict[str, type] = {}
+_twins: dict[str, type] = {}
+# All twins, by their class and prefix.
+_prefixed: dict[tuple[type, str], Any] = {}
 # What makes twins, by the pattern of their names.
-_makers: dict[re.Pattern[str], Callable[[re.Match[str], Any], Any]] = {}
+_makers: dict[re.Pattern[str], Maker] = {}
 
 
 def twin_of(
-    law_class: Any,
+    law_class: type,
     prefix: str,
     *,
     about: str,
-    entries: Iterable[tuple[str, Any]] = (),
-    answers: Mapping[Any, Any],
+    entries: Iterable[tuple[str, type]] = (),
+    answers: Mapping[Callable[..., Any], Callable[..., Any]],
 ) -> Any:
     """Return the twin of a class of laws; it answers all that the class answers so far.
 
@@ -46,48 +68,36 @@ def twin_of(
     twin: Any = NamedTuple(f"{prefix}{law_class.__name__}", fields)  # type: ignore[misc]
     twin.__doc__ = f"Parameters of :class:`{law_class.__name__}`{about}"
     twin.__module__ = law_class.__module__
-    # what a class tells of itself beside its parameters: memory, and where parts of it stand
     for told in TOLD:
         if hasattr(law_class, told):
             setattr(twin, told, getattr(law_class, told))
     inherit(twin, law_class)
     for function, answer in answers.items():
         implements(function, twin)(answer)
+    _prefixed[law_class, prefix] = twin
     return twin
 
 
-#: What a twin takes over from its class as it is.
-TOLD = (
-    "remembers",
-    "knows_step",
-    "relaxing_count",
-    "rate_factor_at",
-    "viscous_place",
-    "maxwell_count",
-    "shear_friction_place",
-    "bending_place",
-    "bending_memory",
-    "bending_elements",
-    "bending_resists_rates",
-)
+def prefixed(law: object, prefix: str) -> Any:
+    """Return the twin of the class of a law that was made with a prefix."""
+    return _prefixed[type(law), prefix]
 
 
-def let_have_twins(*law_classes: Any) -> None:
+def let_have_twins(*law_classes: type) -> None:
     """Let twins of classes of laws be made on demand."""
     _bases.update({law_class.__name__: law_class for law_class in law_classes})
 
 
-def made_on_demand(pattern: str) -> Callable[[Any], Any]:
+def made_on_demand(pattern: str) -> Callable[[Maker], Maker]:
     """Register what makes twins on demand.
 
     Parameters
     ----------
     pattern : of their names, with the group ``base`` for that of their class. The decorated
-        function takes the match and the class, and returns the twin; its module must look up names
-        by :func:`twin_named` in its ``__getattr__``.
+        function takes the match and the class, and returns the twin.
     """
 
-    def register(make: Any) -> Any:
+    def register(make: Maker) -> Maker:
         _makers[re.compile(pattern)] = make
         return make
 
@@ -101,14 +111,14 @@ def twin_named(name: str) -> Any:
     ------
     AttributeError : no class has this name.
     """
-    found = [(make, match) for p, make in _makers.items() if (match := p.fullmatch(name))]
-    if not found and name not in _bases:
-        raise AttributeError(f"{name} is no law of which there are twins")
-    if found and name not in _twins:
-        from lcmchain.materials import laws  # noqa: F401, the classes that twins are made of
-
-        ((make, match),) = found
+    if name in _bases:
+        return _bases[name]
+    if name not in _twins:
+        matches = [(make, match) for p, make in _makers.items() if (match := p.fullmatch(name))]
+        if not matches:
+            raise AttributeError(f"{name} is no law of which there are twins")
+        ((make, match),) = matches
         twin = make(match, twin_named(match["base"]))
-        twin.__module__ = make.__module__
+        twin.__module__ = HOME
         _twins[name] = twin
-    return _twins[name] if found else _bases[name]
+    return _twins[name]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from lcmchain.effects.pace import more_quasi_static
+from lcmchain.effects.process.pace import more_quasi_static
 from lcmchain.effects.switches import settings_of
 from lcmchain.quantities.readable import time_entry, two_digits_up
 from lcmchain.scene.tables import SceneTables

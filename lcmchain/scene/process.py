@@ -2,7 +2,8 @@
 
 A process without rates takes any time. In the simulation it takes as long as inertia needs to stay
 small, and no longer. The slowest shear vibration of the sheet, where its law is softest, is the
-measure; while the process runs, its pace follows the energies (:mod:`lcmchain.effects.pace`).
+measure; while the process runs, its pace follows the energies
+(:mod:`lcmchain.effects.process.pace`).
 
 A stage is a time with motions of its own, and with the tools, grippers, pressures and interfaces
 that are at work in it.
@@ -15,7 +16,7 @@ from typing import Annotated
 
 from pydantic import Field, PrivateAttr
 
-from lcmchain.effects.mass_scaling import MassScaling
+from lcmchain.effects.process.mass_scaling import MassScaling
 from lcmchain.errors import InputError
 from lcmchain.materials.law import Material
 from lcmchain.materials.shear_waves import shear_wave_speeds

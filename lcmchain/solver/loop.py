@@ -21,7 +21,6 @@ import numpy as np
 from numba import literal_unroll, prange
 
 from lcmchain.compilation.references import Reference, referred
-from lcmchain.effects.damping import averaged_velocity, damped_velocity
 from lcmchain.effects.fibre_bending import (
     add_vectors,
     at_places,
@@ -37,6 +36,7 @@ from lcmchain.effects.interaction import (
     begin_steps,
     scratch_size,
 )
+from lcmchain.effects.process.damping import averaged_velocity, damped_velocity
 from lcmchain.elements.blocks import LANES, PACKS_OF_CHUNK
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.kernel import SolidShellData, forces_of_block

@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from lcmchain.effects.pace import more_quasi_static
+from lcmchain.effects.process.pace import more_quasi_static
 from lcmchain.model import Model
 from lcmchain.quantities.readable import time_entry, two_digits, two_digits_up
 from lcmchain.state import (

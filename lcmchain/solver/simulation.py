@@ -13,7 +13,7 @@ from lcmchain.compilation.references import Reference
 from lcmchain.compilation.threads import thread_count
 from lcmchain.effects import fibre_bending
 from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
-from lcmchain.effects.pace import PaceLaw, next_pace
+from lcmchain.effects.process.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
 from lcmchain.errors import SimulationError
 from lcmchain.interfaces.change import change_interfaces

@@ -11,8 +11,8 @@ import numpy as np
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.family import Body, internal_forces
 from lcmchain.errors import InputError
+from lcmchain.materials.features.shear_friction import shear_friction_of
 from lcmchain.materials.law import bending_losses_of
-from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.model import Model
 
 #: What knows one sheet alone, as errors name it.

@@ -13,7 +13,7 @@ from lcmchain.check.effect_cost import measure_effects, record_effect_parts
 from lcmchain.compilation.threads import thread_count
 from lcmchain.coupons.pulled import PULLED, PulledTest
 from lcmchain.coupons.specimen import FRAMES, Recording, record
-from lcmchain.effects.mass_scaling import added_mass
+from lcmchain.effects.process.mass_scaling import added_mass
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
 from lcmchain.model import build_model

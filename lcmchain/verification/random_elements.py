@@ -13,11 +13,11 @@ from lcmchain.elements.blocks import from_blocks, in_blocks
 from lcmchain.elements.family import internal_forces
 from lcmchain.elements.solid_shell.frequency import frequency_bounds
 from lcmchain.elements.solid_shell.reference import ElementOptions
-from lcmchain.materials.bending_curve import BendingCurve
 from lcmchain.materials.fabric import Fabric, FabricLaw
+from lcmchain.materials.features.bending_curve import BendingCurve
+from lcmchain.materials.features.shear import ShearLocking
+from lcmchain.materials.features.shear_compaction import Coupling
 from lcmchain.materials.law import Material
-from lcmchain.materials.shear_compaction import Coupling
-from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, assemble_model

@@ -7,9 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.effects.audit import effects_of
 from lcmchain.effects.face_pressure import PressureOnFace, face_forces, face_frequencies
 from lcmchain.effects.supports import Support
+from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
 from lcmchain.fields.derived import pressure_fields

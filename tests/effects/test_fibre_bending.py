@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lcmchain.effects.audit import effects_of
 from lcmchain.effects.fibre_bending import (
     MIDDLE_ROWS,
     VECTOR_ROWS,
@@ -21,6 +20,7 @@ from lcmchain.effects.fibre_bending import (
     stored_energy,
     unfolded,
 )
+from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
 from lcmchain.mesh.blank import Blank, build_blank
 from lcmchain.mesh.lines import fibre_lines

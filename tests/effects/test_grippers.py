@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import eigh
 
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.effects.audit import effects_of
 from lcmchain.effects.grippers import LEAST_DISTANCE, omega2_of_grippers
 from lcmchain.effects.interaction import bound
+from lcmchain.effects.switches import effects_of
 from lcmchain.errors import InputError
 from lcmchain.fields.frames import FrameSeries, Histories
 from lcmchain.fields.history_group import HISTORY_FIELDS, history_dataset

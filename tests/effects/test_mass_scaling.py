@@ -7,7 +7,7 @@ import pytest
 
 from lcmchain.check import estimate_run, run_effects, scene_warnings
 from lcmchain.check.expected_cost import contact_omega2
-from lcmchain.effects.mass_scaling import added_mass
+from lcmchain.effects.process.mass_scaling import added_mass
 from lcmchain.errors import InputError
 from lcmchain.judgements.quasi_static import process_time_needed
 from lcmchain.model import build_model

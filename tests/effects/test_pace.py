@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lcmchain.compilation.threads import available_threads, use_threads
-from lcmchain.effects.pace import (
+from lcmchain.effects.process.pace import (
     AVERAGING,
     FALL,
     GROWTH,

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_array
 
 from lcmchain.effects.face_pressure import face_forces
-from lcmchain.effects.pore_columns import (
+from lcmchain.effects.pore_pressure import (
     PoreColumns,
     column_drops,
     mobilities,

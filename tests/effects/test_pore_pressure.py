@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from lcmchain.effects.audit import effects_of
 from lcmchain.effects.face_pressure import face_forces
 from lcmchain.effects.pore_pressure import (
     pore_forces,
@@ -18,6 +17,7 @@ from lcmchain.effects.pore_pressure import (
     volumes_and_rates,
 )
 from lcmchain.effects.supports import Support
+from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets

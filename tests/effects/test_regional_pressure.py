@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcmchain.effects.audit import effects_of
-from lcmchain.effects.face_pressure import FacePressure, face_forces, face_frequencies
-from lcmchain.effects.regional_pressure import RegionalPressure, present_pressures, regional_forces
+from lcmchain.effects.face_pressure import (
+    FacePressure,
+    RegionalPressure,
+    face_forces,
+    face_frequencies,
+    present_pressures,
+    regional_forces,
+)
+from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
 from lcmchain.model import build_model

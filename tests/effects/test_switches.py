@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lcmchain.check import check_scene, run_effects
-from lcmchain.effects.audit import EFFECTS, key_of, switches
-from lcmchain.effects.switches import switchable_effects
+from lcmchain.effects.switches import EFFECTS, key_of, switchable_effects, switches
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
@@ -255,8 +254,10 @@ def test_membranes_can_be_given_their_shell_back():
 
 def test_a_net_of_fibres_has_nothing_to_switch():
     assert switchable_effects(scene(BARE, "element=kinematic")) == []
-    with pytest.raises(InputError, match="effects.bending.*net of fibres"):
-        scene(BARE, "element=kinematic", "effects.bending=on")
+    for key in ("bending", "enhanced_strain"):
+        with pytest.raises(InputError, match=f"effects.{key}.*net of fibres"):
+            scene(BARE, "element=kinematic", f"effects.{key}=on")
+        assert scene(BARE, "element=kinematic", f"effects.{key}=off").switched == ()
 
 
 def test_an_unknown_effect_names_the_nearest():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
-from lcmchain.materials.shear_compaction import PowerCoupling
+from lcmchain.materials.features.shear_compaction import PowerCoupling
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, isotropic_stiffness
 from lcmchain.verification.random_elements import CURVES
 

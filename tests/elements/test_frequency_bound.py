@@ -7,7 +7,7 @@ import pytest
 
 from lcmchain.elements.solid_shell.frequency import Parts, add_pair, add_row
 from lcmchain.elements.solid_shell.reference import ElementOptions
-from lcmchain.materials.shear_compaction import PowerCoupling
+from lcmchain.materials.features.shear_compaction import PowerCoupling
 from lcmchain.materials.st_venant_kirchhoff import StVenantKirchhoff, orthotropic_stiffness
 from lcmchain.verification.random_elements import bounds_and_frequencies
 

@@ -18,16 +18,15 @@ from lcmchain.elements.solid_shell.kernel import (
 )
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError
-from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
-from lcmchain.materials.dahl import Friction
 from lcmchain.materials.fabric_with_set import FabricWithSet
+from lcmchain.materials.features.bending_losses import BendingLosses, DirectionLosses
+from lcmchain.materials.features.rheology import Friction, Relaxation
+from lcmchain.materials.features.shear import ShearLocking
+from lcmchain.materials.features.shear_compaction import PowerCoupling
+from lcmchain.materials.features.shear_friction import ShearFriction
+from lcmchain.materials.features.viscous_shear import ViscousShear
 from lcmchain.materials.law import Step
-from lcmchain.materials.maxwell import Relaxation
-from lcmchain.materials.shear_compaction import PowerCoupling
-from lcmchain.materials.shear_friction import ShearFriction
-from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.st_venant_kirchhoff import StiffnessLaw
-from lcmchain.materials.viscous_shear import ViscousShear
 from lcmchain.verification import random_elements
 
 # Every combination of effect slots that is compiled once; numbers (moments, the weight of the

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
-from lcmchain.materials.shear_locking import ShearLocking
+from lcmchain.materials.features.shear import ShearLocking
 from lcmchain.verification.random_elements import bounds_and_frequencies
 
 COUNT = 37

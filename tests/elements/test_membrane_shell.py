@@ -25,7 +25,7 @@ from lcmchain.elements.membrane_shell.kernel import (
 )
 from lcmchain.elements.membrane_shell.patch import angle_shares, triangle_geometry
 from lcmchain.errors import InputError
-from lcmchain.materials.shear_locking import ShearLocking
+from lcmchain.materials.features.shear import ShearLocking
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.cells import nodal_bound
 from lcmchain.mesh.mid_surface import TriangleMesh, triangulate

@@ -12,7 +12,7 @@ from lcmchain.elements.solid_shell.tangent import (
     node_stiffness,
     normal_compaction,
 )
-from lcmchain.materials.shear_compaction import PowerCoupling
+from lcmchain.materials.features.shear_compaction import PowerCoupling
 from lcmchain.verification.random_elements import CURVES, corner_forces
 
 COUNT = 5

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from of_families import across, fabric, fibres, like_md600, pair, triaxial, unidirectional
 
+from lcmchain.materials.features.shear import ShearLocking
 from lcmchain.materials.fibre_families import _shear_of, in_voigt
 from lcmchain.materials.law import (
     bending_stiffness,
@@ -18,7 +19,6 @@ from lcmchain.materials.law import (
     tangent_slope,
     with_fibre_modulus,
 )
-from lcmchain.materials.shear_locking import ShearLocking
 from lcmchain.materials.stiffness import product
 from lcmchain.verification.random_elements import md600
 

@@ -10,7 +10,7 @@ from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import stack_tables
 from lcmchain.check.tool_strokes import closing_tools, tools_that_close
 from lcmchain.check.tools_at_start import require_no_initial_overlap
-from lcmchain.effects.audit import effects_of
+from lcmchain.effects.switches import effects_of
 from lcmchain.errors import InputError
 from lcmchain.judgements.quasi_static import process_time_needed
 from lcmchain.judgements.verdicts import field_verdicts

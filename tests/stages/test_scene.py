@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.effects.tool_motion import active
+from lcmchain.effects.process.tool_motion import active
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.stages import STAGE

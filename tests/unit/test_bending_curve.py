@@ -20,7 +20,12 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_bending_file
 from lcmchain.identification.result import FitRefusedError
-from lcmchain.materials.bending_curve import KINKS, BendingCurve, curve_energy, curve_response
+from lcmchain.materials.features.bending_curve import (
+    KINKS,
+    BendingCurve,
+    curve_energy,
+    curve_response,
+)
 from lcmchain.materials.law import bending_excess, bending_stress
 from lcmchain.model import build_model
 from lcmchain.scene import Element, scene_from_text

@@ -17,9 +17,9 @@ from lcmchain.coupons.specimen import Loop
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_bending_loop_file
-from lcmchain.materials import bending_losses as module
-from lcmchain.materials.bending_losses import BendingLosses, DirectionLosses
-from lcmchain.materials.dahl import Friction
+from lcmchain.materials import laws
+from lcmchain.materials.features.bending_losses import BendingLosses, DirectionLosses
+from lcmchain.materials.features.rheology import Friction, Relaxation
 from lcmchain.materials.law import (
     bending_bound,
     bending_stiffness,
@@ -28,10 +28,10 @@ from lcmchain.materials.law import (
     evolved_bending,
     history_count,
     knows_step,
+    own_memory,
     stored_bending,
     with_bending_losses,
 )
-from lcmchain.materials.maxwell import Relaxation
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
@@ -243,13 +243,13 @@ friction_1 = { moment = "0.02 N", curvature = "4 1/m" }
     assert names[0] == "largest_compaction_strain" and names[1] == "shear_strain_before"
     assert names[4:7] == ["relaxing_moment_1", "curvature_before_1", "curvature_before_2"]
     history = np.arange(len(names), dtype=float)
-    assert fabric.viscous.own_memory(fabric.law, history).tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert own_memory(fabric.law, fabric.viscous.memory, history).tolist() == [1.0, 2.0, 3.0, 4.0]
     assert fabric.viscous_energy(history[:, None])[0] == 3.0
     lost = fabric.dissipated_energy(np.where(history == 0.0, -0.1, history)[:, None])
     assert lost[0] == pytest.approx(
         history[-1] + fabric.dissipated_energy(np.where(history == 0.0, -0.1, 0.0)[:, None])[0]
     )
-    assert type(fabric.law).__module__ == module.__name__
+    assert type(fabric.law).__module__ == laws.__name__
 
 
 # --- scenes ---------------------------------------------------------------------------------------
@@ -365,7 +365,7 @@ viscous_1 = { maxwell = [{ modulus = "60 MPa", relaxation_time = "20 ms" }] }
         if time == 0.03:
             half_way = simulation.state.copy()
         past = body.element_history(simulation._history(body))
-        own = losses.own_memory(body.material.law, past).T
+        own = own_memory(body.material.law, losses.memory, past).T
         found.append(-column(losses, own, "viscous_bending_moment_1").mean())  # bent upwards
     np.testing.assert_allclose(found, expected, rtol=5e-3)
     again = bent(the_scene, 10.0, 0.02)
@@ -431,7 +431,7 @@ def test_a_strip_that_is_let_go_keeps_the_curvature_of_the_law():
     free.advance_to(0.5)
     body, losses = free.model.only_body(), only_friction()
     past = body.element_history(free._history(body))
-    own = losses.own_memory(body.material.law, past).T
+    own = own_memory(body.material.law, losses.memory, past).T
     stays = column(losses, own, "curvature_before_1")
     rubs = column(losses, own, "bending_friction_moment_1")
     back = np.linspace(12.0, 0.0, 2001)
@@ -466,7 +466,7 @@ def test_a_strip_under_a_constant_moment_creeps(loaded):
     for until in (0.02, 0.04, 0.08):
         simulation.advance_to(until)
         past = body.element_history(simulation._history(body))
-        own = body.material.bending_losses.own_memory(body.material.law, past).T
+        own = own_memory(body.material.law, body.material.bending_losses.memory, past).T
         bent = column(body.material.bending_losses, own, "curvature_before_1").mean()
         expected = 12.0 * moment / THICKNESS**3 / stiffness
         expected *= -math.expm1(-stiffness * until / viscosity)

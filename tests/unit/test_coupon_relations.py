@@ -9,7 +9,7 @@ from lcmchain.coupons import analytic
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
 from lcmchain.errors import InputError
 from lcmchain.identification.synthetic import preset_fabric, strip_bending_stiffness
-from lcmchain.materials.shear_compaction import free_shear_stress
+from lcmchain.materials.features.shear_compaction import free_shear_stress
 
 MD600 = preset_fabric("MD600")
 THICKNESS = 1.004e-3

@@ -24,8 +24,8 @@ from lcmchain.identification.synthetic import (
     shear_loop_curve,
     write_coupon,
 )
-from lcmchain.materials.dahl import Friction
-from lcmchain.materials.shear_friction import ShearFriction
+from lcmchain.materials.features.rheology import Friction
+from lcmchain.materials.features.shear_friction import ShearFriction
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1.004e-3

@@ -14,7 +14,8 @@ from lcmchain.identification.files import scene_snippet
 from lcmchain.identification.from_file import identify_viscous_file
 from lcmchain.identification.result import FitRefusedError
 from lcmchain.identification.synthetic import picture_frame_curve, preset_fabric
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
+from lcmchain.materials.features.temperature_field import arrhenius_factor
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.scene import scene_from_text
 from lcmchain.verification.random_elements import md600
 

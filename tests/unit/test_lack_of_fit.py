@@ -25,7 +25,7 @@ from lcmchain.identification.synthetic import (
     preset_fabric,
     write_coupon,
 )
-from lcmchain.materials.shear_compaction import free_shear_stress
+from lcmchain.materials.features.shear_compaction import free_shear_stress
 
 MD600 = preset_fabric("MD600")
 SPECIMEN = BiasExtension(0.32, 0.16, MD600.thickness)

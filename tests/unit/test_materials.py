@@ -9,15 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lcmchain.materials.elementary import exponential, logarithm
-from lcmchain.materials.fabric import (
-    Fabric,
-    FabricLaw,
+from lcmchain.materials.fabric import Fabric, FabricLaw
+from lcmchain.materials.features.compaction import (
     compaction_tangent_curvature,
     compaction_tangent_slope,
-    shear_tangent_curvature,
-    shear_tangent_slope,
 )
+from lcmchain.materials.features.elementary import exponential, logarithm
+from lcmchain.materials.features.shear import shear_tangent_curvature, shear_tangent_slope
 from lcmchain.materials.law import (
     bending_stiffness,
     hourglass_tangent,

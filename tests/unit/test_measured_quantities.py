@@ -17,7 +17,7 @@ from lcmchain.identification.synthetic import (
     noisy,
     preset_fabric,
 )
-from lcmchain.materials.shear_compaction import free_shear_stress
+from lcmchain.materials.features.shear_compaction import free_shear_stress
 
 MD600 = preset_fabric("MD600")
 STRIP = BiasExtension(0.32, 0.16, MD600.thickness)

@@ -23,6 +23,9 @@ from lcmchain.identification.sheared_compaction import (
     identify_sheared_compaction,
 )
 from lcmchain.materials.fabric import FabricCompaction
+from lcmchain.materials.features.pressure_curves import PressureCurve
+from lcmchain.materials.features.pressure_table import PressureTable
+from lcmchain.materials.features.shear_compaction import PowerCoupling
 from lcmchain.materials.law import (
     hourglass_tangent,
     membrane_response,
@@ -30,8 +33,6 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
-from lcmchain.materials.pressure_table import PressureCurve, PressureTable
-from lcmchain.materials.shear_compaction import PowerCoupling
 from lcmchain.run_files import input_files
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.scene.reading.single_tables import formed_material, formed_plies

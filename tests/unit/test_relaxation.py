@@ -10,11 +10,11 @@ import pytest
 from lcmchain.coupons.compaction import compaction, relaxing_pressure
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_compaction_file
-from lcmchain.materials import relaxation
+from lcmchain.materials.features import relaxation
+from lcmchain.materials.features.relaxation import CompactionRelaxation
+from lcmchain.materials.features.shear_compaction import PowerCoupling
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.materials.law import Step, evolved_history, membrane_response, stress_in_step
-from lcmchain.materials.relaxation import CompactionRelaxation
-from lcmchain.materials.shear_compaction import PowerCoupling
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear
 from lcmchain.scene import scene_from_text
 from lcmchain.verification import random_elements as make
 

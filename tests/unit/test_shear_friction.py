@@ -22,14 +22,15 @@ from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
 from lcmchain.identification.from_file import identify_shear_loop_file
 from lcmchain.materials.fabric import FabricLaw
+from lcmchain.materials.features.shear_friction import ShearFriction
 from lcmchain.materials.law import (
     evolved_history,
     history_count,
     knows_step,
     membrane_response,
+    own_memory,
     stress_in_step,
 )
-from lcmchain.materials.shear_friction import ShearFriction
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
@@ -293,7 +294,7 @@ def test_a_released_frame_keeps_the_angle_of_the_law():
         getattr(free.state, name)[:] = getattr(held.state, name)
     free.advance_to(0.4)
     body = free.model.only_body()
-    past = GROWING.own_memory(body.material.law, body.element_history(free._history(body)))
+    past = own_memory(body.material.law, GROWING.memory, body.element_history(free._history(body)))
     np.testing.assert_allclose(np.arcsin(past[0]), left(GROWING, largest), rtol=0.02)
     energy = free.energy()
     assert energy["kinetic"] < 1e-3 * energy["internal"]

@@ -11,15 +11,14 @@ from lcmchain.dispatch import is_implemented
 from lcmchain.effects.supports import Support
 from lcmchain.elements import family
 from lcmchain.errors import InputError
-from lcmchain.materials.fabric import (
-    FabricLaw,
-    LockingFabricLaw,
+from lcmchain.materials.fabric import FabricLaw, LockingFabricLaw
+from lcmchain.materials.fabric_with_set import LockingFabricWithSetLaw
+from lcmchain.materials.features.shear import (
+    locking_response,
     shear_tangent_curvature,
     shear_tangent_slope,
 )
-from lcmchain.materials.fabric_with_set import LockingFabricWithSetLaw
 from lcmchain.materials.law import membrane_response, plane_response, remembered
-from lcmchain.materials.shear_locking import locking_response
 from lcmchain.scene import scene_from_text
 from lcmchain.verification.hard_cases.sheets import simulation
 

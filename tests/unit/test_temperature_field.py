@@ -7,16 +7,22 @@ import pytest
 
 from lcmchain.coupons.compaction import compaction
 from lcmchain.errors import InputError
+from lcmchain.materials.features.relaxation import CompactionRelaxation
+from lcmchain.materials.features.temperature_field import (
+    RATE_FACTOR,
+    TemperatureField,
+    arrhenius_factor,
+)
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.materials.law import (
     Step,
     evolved_history,
     membrane_response,
+    own_memory,
+    place_in_memory,
     stress_in_step,
     viscosity,
 )
-from lcmchain.materials.relaxation import CompactionRelaxation
-from lcmchain.materials.temperature_field import TemperatureField
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.state import State
@@ -67,7 +73,7 @@ def test_an_element_has_the_law_of_its_temperature(kelvin):
     factor = arrhenius_factor(kelvin, 560.0, 6e4)
     heated, shifted = fabric(FIELD), fabric(factor=factor)
     assert type(heated.law).__name__ == "Cross1HeatedRelaxing1CompactionFabricLaw"
-    place = heated.law.rate_factor_at
+    place = place_in_memory(heated.law, RATE_FACTOR)
     assert heated.law.remembers[place].name == "rate_factor"
     past = np.array(shifted_past := [0.0] * len(shifted.law.remembers))
     own = np.insert(past, place, 1.0 / factor)
@@ -94,13 +100,13 @@ def test_the_state_at_rest_holds_the_field_of_the_scene():
     (body,) = model.bodies
     state = State.at_rest(model)
     own = body.element_history(model.history_of(body, state.history))
-    factor = own[body.material.law.rate_factor_at]
+    factor = own[place_in_memory(body.material.law, RATE_FACTOR)]
     x = body.mesh.node_positions[body.mesh.elements].mean(axis=1)[:, 0]
     kelvin = np.interp(x, [-5e-3, 5e-3], [550.0, 570.0])
     expected = [1.0 / arrhenius_factor(own, 560.0, 6e4) for own in kelvin]
     np.testing.assert_allclose(factor, expected, rtol=1e-12)
     assert np.ptp(factor) > 0.3
-    assert not np.delete(own, body.material.law.rate_factor_at, axis=0).any()
+    assert not np.delete(own, place_in_memory(body.material.law, RATE_FACTOR), axis=0).any()
     # the coldest element bounds the step
     coldest = arrhenius_factor(kelvin.min(), 560.0, 6e4)
     assert body.material.temperature.slowest == pytest.approx(coldest)
@@ -148,7 +154,7 @@ temperature_field = { x = "-10 10 mm", temperature = ["270 degC", "310 degC"] }
 """
     ).material.build()
     law, memory = fabric.law, fabric.initial_history(np.array([[2e-3, 0.0, 0.0]]))[:, 0]
-    size, factor = 1e-3, memory[fabric.law.rate_factor_at]
+    size, factor = 1e-3, memory[place_in_memory(fabric.law, RATE_FACTOR)]
     assert factor != 1.0
     for E in ((0, 0, -0.05, 0.1, 0, 0), (0, 0, -0.1, 0.25, 0, 0), (0, 0, -0.07, 0.2, 0, 0)):
         E = np.array(E, dtype=float)
@@ -162,9 +168,11 @@ temperature_field = { x = "-10 10 mm", temperature = ["270 degC", "310 degC"] }
         after = [
             *fabric.relaxed(E, memory[: len(fabric.relaxation.memory)], size * factor),
             factor,
-            *fabric.viscous.in_step(E[3], fabric.viscous.own_memory(law, memory), size * factor),
+            *fabric.viscous.in_step(
+                E[3], own_memory(law, fabric.viscous.memory, memory), size * factor
+            ),
             *fabric.shear_friction.in_step(
-                E[3], fabric.shear_friction.own_memory(law, memory), elastic
+                E[3], own_memory(law, fabric.shear_friction.memory, memory), elastic
             ),
         ]
         kept = evolved_history(law, tuple(E), (*memory, *step))

@@ -19,8 +19,10 @@ from lcmchain.coupons.bias_extension import bias_extension
 from lcmchain.coupons.picture_frame import picture_frame
 from lcmchain.effects.supports import Support
 from lcmchain.errors import InputError
-from lcmchain.materials import viscous_shear
+from lcmchain.materials import laws
 from lcmchain.materials.fabric import FabricLaw
+from lcmchain.materials.features.temperature_field import arrhenius_factor
+from lcmchain.materials.features.viscous_shear import Relaxation, ViscousShear
 from lcmchain.materials.law import (
     Remembered,
     Step,
@@ -32,7 +34,6 @@ from lcmchain.materials.law import (
     store_history,
     viscosity,
 )
-from lcmchain.materials.viscous_shear import Relaxation, ViscousShear, arrhenius_factor
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import assemble_sheet, build_model
 from lcmchain.scene import scene_from_text
@@ -211,10 +212,10 @@ def test_a_class_is_found_by_its_name_as_kernels_on_disk_look_it_up():
     law = scene().material.build().law
     assert type(law).__name__ == "Newton2FabricLaw" and history_count(law) == 5
     assert pickle.loads(pickle.dumps(type(law))) is type(law)
-    assert viscous_shear.Cross7LinearLockingFabricWithSetLaw.maxwell_count == 7
+    assert laws.Cross7LinearLockingFabricWithSetLaw.maxwell_count == 7
     for name in ("Newton1StiffnessLaw", "Newton1", "nothing"):
         with pytest.raises(AttributeError):
-            getattr(viscous_shear, name)
+            getattr(laws, name)
 
 
 # --- scenes ---------------------------------------------------------------------------------------

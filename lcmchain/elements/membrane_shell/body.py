@@ -37,6 +37,7 @@ from lcmchain.elements.membrane_shell.patch import (
     triangle_geometry,
 )
 from lcmchain.errors import InputError
+from lcmchain.materials.features.shear_friction import shear_friction_of
 from lcmchain.materials.law import (
     Material,
     bending_losses_of,
@@ -46,7 +47,6 @@ from lcmchain.materials.law import (
     plane_bending_stiffness,
     serves_planes,
 )
-from lcmchain.materials.shear_friction import shear_friction_of
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import SWEEPS, nodal_bound
 from lcmchain.mesh.mid_surface import TriangleMesh, triangulate

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from lcmchain.elements.solid_shell.kernel import GENERAL, Options, SolidShellData
+from lcmchain.materials.features.relaxation import relaxation_of
+from lcmchain.materials.features.shear_compaction import coupling_of
+from lcmchain.materials.features.shear_friction import shear_friction_of
+from lcmchain.materials.features.viscous_shear import viscous_of
 from lcmchain.materials.law import Material, Remembered, bending_losses_of, remembered
-from lcmchain.materials.relaxation import relaxation_of
-from lcmchain.materials.shear_compaction import coupling_of
-from lcmchain.materials.shear_friction import shear_friction_of
-from lcmchain.materials.viscous_shear import viscous_of
 
 
 def solid_shell_effects(material: Material, data: SolidShellData) -> dict[str, tuple[bool, str]]:

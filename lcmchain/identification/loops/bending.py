@@ -37,7 +37,7 @@ from lcmchain.identification.result import (
     general_warnings,
     mega_pascal,
 )
-from lcmchain.materials.dahl import Friction
+from lcmchain.materials.features.rheology import Friction
 from lcmchain.quantities.units import CURVATURE, FORCE
 
 COLUMNS = (

@@ -5,9 +5,9 @@ Along a way a (a curvature, a shear angle) a test measures
     y = Σ e_k p_k + v T,   dT = G (da - T/T_y |da|),   T_y = T_0 + c |T_el|,   G = T_0/l,
 
 linear in the elastic parameters p_k, with the moment T of friction as in
-:mod:`lcmchain.materials.dahl`. A step between two rows is exact where T_y is constant. On the way
-there a loop shows elastic part and friction as one; the way back tells them apart. Every test
-begins at rest, at zero.
+:mod:`lcmchain.materials.features.rheology`. A step between two rows is exact where T_y is constant.
+On the way there a loop shows elastic part and friction as one; the way back tells them apart. Every
+test begins at rest, at zero.
 
 Both are fitted together (Gauss-Newton, with the bounds of a scene kept exactly). Friction, and its
 growth with the elastic moment, are taken only where they describe the rows better by more than

@@ -1,7 +1,7 @@
 """Shear with friction from loops: picture frames there and back, or shear stress over shear angle.
 
 The elastic shear is the polynomial of Eq. (21). Beside it stands Dahl's friction, whose limit may
-grow with the elastic moment (:mod:`lcmchain.materials.shear_friction`,
+grow with the elastic moment (:mod:`lcmchain.materials.features.shear_friction`,
 :mod:`lcmchain.identification.loops.fit`).
 """
 

@@ -7,19 +7,24 @@ import numpy as np
 from lcmchain.dispatch import implements, required
 from lcmchain.effects.face_pressure import (
     FacePressure,
+    RegionalPressure,
     face_forces,
     face_frequencies,
     face_pressures,
+    present_pressures,
+    regional_forces,
 )
 from lcmchain.effects.interaction import Bound, add_to_nodes, before_nodes, bound
-from lcmchain.effects.pore_columns import (
+from lcmchain.effects.pore_pressure import (
     column_drops,
     mobilities,
     of_columns,
+    pore_forces,
+    pore_frequencies,
+    resistance_mobilities,
     scale_loads,
     unit_loads,
 )
-from lcmchain.effects.pore_pressure import pore_forces, pore_frequencies, resistance_mobilities
 from lcmchain.effects.pressures import (
     BothPressures,
     ColumnAndFacePressures,
@@ -27,7 +32,6 @@ from lcmchain.effects.pressures import (
     FacePressures,
     PorePressures,
 )
-from lcmchain.effects.regional_pressure import RegionalPressure, present_pressures, regional_forces
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.pressed_elements import PressedElements
 from lcmchain.jit import equation, routine, standalone_span_routine, uncounted_routine

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from lcmchain.dispatch import implements
-from lcmchain.effects.damping import damped_velocity
 from lcmchain.effects.interaction import Bound, after_nodes, begin_steps, bound
+from lcmchain.effects.process.damping import damped_velocity
 from lcmchain.jit import equation, standalone_routine, uncounted_routine
 from lcmchain.model import Model
 from lcmchain.solver.interactions.contact_forces import find_near_packs
