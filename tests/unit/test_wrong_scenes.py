@@ -157,12 +157,15 @@ WRONG = {
     ),
     "layers": (SCENE + "[[layers]]\n", "layers", "plies that lie on each other stand in"),
     "plies of the material": (
-        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top"
+        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies",
+        "it belongs into the top level; possible here: ",
     ),
     "holes": (
         replaced(("edge_length", "cutout = []\nedge_length")), "blank.cutout", "holes, darts and"
     ),
     "clamps": (SCENE + "[[clamps]]\n", "clamps", "[[grippers]] hold"),
+    "steps": (SCENE + "[[steps]]\n", "steps", "stand in [[stages]]"),
+    "diaphragms": (SCENE + "[diaphragm]\n", "diaphragm", "film = true"),
     "springs": (SCENE + "[[springs]]\n", "springs", "as a blank holder does"),
     "missing key": (replaced(('edge_length = "5 mm"\n', "")), "blank.edge_length", "is missing"),
     "unknown table": (SCENE + "[proces]\n", "proces", 'did you mean "process"?'),
