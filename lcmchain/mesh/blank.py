@@ -457,8 +457,8 @@ def _check_loops(cells: Cells, contours: Contours, in_fibres: Contours, edge_len
             )
     raise InputError(
         f"has {contours.loop_count} boundaries, but elements of {1e3 * edge_length:g} mm make "
-        f"{found}: holes, darts or slits are shorter than two elements, or nearer to each other or to the "
-        "rim; choose a smaller blank.edge_length, or move them apart",
+        f"{found}: holes, darts or slits are shorter than two elements, or nearer to each other or "
+        "to the rim; choose a smaller blank.edge_length, or move them apart",
         key="blank",
     )
 
