@@ -48,13 +48,22 @@ from lcmchain.commands.terminal import (
     warn,
 )
 from lcmchain.commands.verify import verify_app
-from lcmchain.errors import InputError, LcmchainError, MappingError, UnfinishedRun
+from lcmchain.errors import (
+    InputError,
+    LcmchainError,
+    MappingError,
+    SimulationInterrupted,
+    UnfinishedRun,
+)
 
 # Nothing heavy is imported up here: `lcmchain --help` must answer at once.
 
 # So many more objects than there were start a search for garbage. By default a start would spend
 # a fifth of its time on searches among what imported packages have made.
 OBJECTS_PER_COLLECTION = 100_000
+
+#: What typer ends with, without a word, where the user interrupts a command.
+CODE_OF_INTERRUPT = 130
 
 app = typer.Typer(
     name="lcmchain",
@@ -167,6 +176,15 @@ def run(
                     the_scene, folder, threads=threads, resume=resume, until_stage=until_stage,
                     start_from=start_from, progress=progress,
                 )  # fmt: skip
+        except KeyboardInterrupt:
+            # In the steps it is a request; here it came while fields are written, drawn or mapped.
+            from lcmchain.solver.checkpoint import FILE_NAME
+
+            if not (folder / FILE_NAME).exists():
+                raise
+            raise SimulationInterrupted(
+                f"stopped by the user; the same command with --resume goes on from {folder}"
+            ) from None
         except (MappingError, UnfinishedRun) as error:
             if error.result is not None:
                 print_result(error.result.summary, folder, quiet=quiet)
@@ -397,6 +415,11 @@ def bench(
 app.command()(docs)
 
 
+def _end_interrupted() -> None:
+    print_error("stopped by the user")
+    sys.exit(1)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line: exit code 0 done, 2 wrong input, 1 failed run."""
     gc.set_threshold(OBJECTS_PER_COLLECTION)
@@ -408,8 +431,11 @@ def main(arguments: list[str] | None = None) -> None:
         print_error(f"{error}. {where}" if where else str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        print_error("stopped by the user")
-        sys.exit(1)
+        _end_interrupted()
+    except SystemExit as ended:
+        if ended.code != CODE_OF_INTERRUPT:
+            raise
+        _end_interrupted()
     except OSError as error:
         # A full disk or a vanished folder is no defect of the program; a traceback would hide it.
         print_error(f"{error.filename or 'file'}: {error.strerror or error}")
