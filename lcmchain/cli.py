@@ -27,6 +27,9 @@ from lcmchain.errors import LcmchainError, UnfinishedRun
 # program would spend a fifth of its time on collections among what imported packages have made.
 OBJECTS_PER_COLLECTION = 100_000
 
+#: What typer ends with, without a word, where the user interrupts a command.
+CODE_OF_INTERRUPT = 130
+
 app = typer.Typer(
     name="lcmchain",
     help="Forming simulation of engineering textiles, and the chain of stages that follows it.",
@@ -77,6 +80,11 @@ app.command()(bench)
 app.command()(docs)
 
 
+def _end_interrupted() -> None:
+    print_error("stopped by the user")
+    sys.exit(1)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line: exit code 0 done, 2 wrong input, 1 failed run."""
     gc.set_threshold(OBJECTS_PER_COLLECTION)
@@ -88,8 +96,11 @@ def main(arguments: list[str] | None = None) -> None:
         print_error(f"{error}. {where}" if where else str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        print_error("stopped by the user")
-        sys.exit(1)
+        _end_interrupted()
+    except SystemExit as ended:
+        if ended.code != CODE_OF_INTERRUPT:
+            raise
+        _end_interrupted()
     except OSError as error:
         # A full disk or a vanished folder is no defect of the program; a traceback would hide it.
         print_error(f"{error.filename or 'file'}: {error.strerror or error}")

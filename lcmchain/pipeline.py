@@ -22,11 +22,12 @@ from lcmchain.effects.effect import Effect
 from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
 from lcmchain.forming_run import FormingRun, Progress, RunAccount, state_after
 from lcmchain.provenance import provenance, run_fingerprint
-from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, stopped
+from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, read_state, stopped
 from lcmchain.run_files import expected_files, input_files, require_free_names
 from lcmchain.scene import Infiltration, MappingTarget, Scene
 from lcmchain.scene.output import NO_FILM, SHEET_NAME
 from lcmchain.scene.stages import number_of_stage
+from lcmchain.solver.checkpoint import FILE_NAME as CHECKPOINT
 from lcmchain.solver.checkpoint import Checkpoint, read_checkpoint, remove_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
 from lcmchain.solver.stage_start import FROM, require_border, started
@@ -148,7 +149,18 @@ class _Job:
         self.until, self.last_stage = math.inf, ""
 
     def checkpoint(self) -> Checkpoint | None:
-        """Return the state from which an interrupted run goes on."""
+        """Return the state from which an interrupted run goes on.
+
+        Raises
+        ------
+        InputError : there is none, as in the folder of a run that has come to its end.
+        """
+        if not (self.folder / CHECKPOINT).exists() and read_state(self.folder) == COMPLETE:
+            raise InputError(
+                "the run in this folder is complete, nothing of it is left to be done; to form "
+                "anew run without --resume",
+                file=self.folder,
+            )
         return read_checkpoint(self.folder, self.fingerprint)
 
     def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
@@ -185,6 +197,12 @@ class _Job:
             )
         if folder.resolve() == self.folder.resolve():
             raise InputError("is the folder of this run; name another one with --out", key=FROM)
+        if not (folder / CHECKPOINT).exists():
+            raise InputError(
+                f'names "{folder}", a folder without a run that ended with a stage; make one with '
+                f'{UNTIL} NAME --out "{folder}"',
+                key=FROM,
+            )
         other = read_checkpoint(folder, self.fingerprint, of_other_scene=True)
         stages = require_border(other, self.scene, folder)
         name = self.scene.stages[stages - 1].name

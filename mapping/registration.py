@@ -139,7 +139,8 @@ class Registration:
         )
         after = f"{1e3 * self.root_mean_square_after:.3f} mm"
         if self.helps:
-            return [f"{text}. {self.motion_in_words()}, it would lie {after} off (root mean "
+            motion = self.motion_in_words()
+            return [f"{text}. {motion[0].upper()}{motion[1:]}, it would lie {after} off (root mean "
                     "square): --register maps it there"]  # fmt: skip
         return [
             f"{text}, and no small motion brings them together ({after} at best): they have "

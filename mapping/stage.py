@@ -349,7 +349,8 @@ def _refuse_unmapped(
     else:
         message += "Trim the mesh to the sheet, raise maximum_distance, or allow unmapped cells"
     if registration is not None and registration.is_off and registration.helps:
-        message = f"{message}. {registration.warnings()[0]}"
+        found = registration.warnings()[0]
+        message = f"{message}. {found[0].upper()}{found[1:]}"
     raise InputError(f"{hint}. {message}" if hint else message, file=target.file)
 
 

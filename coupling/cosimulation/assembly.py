@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lcmchain import __version__
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.connections import Lines, Link, initialise, loops_of, resolve
 from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
@@ -268,7 +269,7 @@ def _loaded(
     with_declared_units(entry.name, description, entry.quantities, system.measures)
     description, configuration = configure(entry.name, description, entry.start)
     remarks += [f'unit "{entry.name}": {text}' for text in description.remarks]
-    if description.needs_tool:
+    if description.needs_tool and description.generation_tool != f"{OWN_TOOL}{__version__}":
         remarks.append(
             f'unit "{entry.name}" needs the tool that made it ({description.generation_tool})'
         )

@@ -23,6 +23,7 @@ from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
+from lcmchain.fmu.conduct import Status
 from lcmchain.fmu.forming.frames import with_present, write_result
 from lcmchain.fmu.forming.interface import at_interface
 from lcmchain.fmu.forming.scene_parameters import SceneParameter, overrides, scene_parameters
@@ -131,6 +132,7 @@ class FormingPart(Part):
         self.frames: tuple[Snapshot, ...] = ()
         self.before: np.ndarray = None  # type: ignore[assignment]  # positions before the step
         self.step = 0.0  # length of the last one [s]
+        self._unheard: set[str] = set()  # tools whose inputs drive nothing, and that were told
 
     # --- course -----------------------------------------------------------------------------------
 
@@ -277,6 +279,14 @@ class FormingPart(Part):
             if to_position:
                 velocity = (position - state.tool_travel[index]) / size
             state.driven[index] = int(bool(drive or to_position))
+            if (velocity or position) and not state.driven[index] and tool not in self._unheard:
+                self._unheard.add(tool)
+                self.say(
+                    f"{prefix}.velocity_input and {prefix}.position_input do nothing as long as "
+                    f"neither {prefix}.drive nor {prefix}.drive_to_position is true: the tool "
+                    "follows the scene",
+                    Status.WARNING,
+                )
             state.tool_input[index] = velocity, force
             stopped = state.tool_stopped[index, model.stage, STOPPED_TIME] <= state.time
             led = model.tools.motion_kind[index] == PRESCRIBED and not stopped

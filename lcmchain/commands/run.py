@@ -104,6 +104,15 @@ def run(
                     the_scene, folder, threads=threads, resume=resume, until_stage=until_stage,
                     start_from=start_from, progress=progress,
                 )  # fmt: skip
+        except KeyboardInterrupt:
+            # In the steps it is a request; here it came while fields are written, drawn or mapped.
+            from lcmchain.solver.checkpoint import FILE_NAME
+
+            if not (folder / FILE_NAME).exists():
+                raise
+            raise SimulationInterrupted(
+                f"stopped by the user; the same command with --resume goes on from {folder}"
+            ) from None
         except (MappingError, UnfinishedRun) as error:
             if error.result is not None:
                 print_result(error.result.summary, folder, quiet=quiet)

@@ -114,7 +114,8 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
     ``force_peak_N`` of a single step with ``force_peak_time_s``; ``work_J`` on the sheets. For a
     tool that moves the sheets,
     ``parts_at_maximum`` and ``parts_over_stroke``: the force along its direction, averaged over the
-    travel around its maximum and over all of it, and the parts that make it up [N]. A tool that
+    travel around its maximum and over all of it (up to the farthest point of a tool that comes
+    back), and the parts that make it up [N]. A tool that
     bears its maximum standing, such as one that force presses against a stop, does no work there
     and has no ``parts_at_maximum``; else ``force_ripple_N`` says by how much the force goes up and
     down there while an element passes a radius, and ``force_uncertainty_N`` how well it is known.
@@ -163,7 +164,8 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
                     "force_quoted_N": quoted,
                     "force_quoted_uncertainty_N": force_uncertainty(parts, left),
                 }
-            loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, len(time) - 1)
+            last = _end_of_stroke(travel[:, tool])
+            loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, last)
             if of_tool := snaps(history, tool):
                 loads[name]["snaps"] = of_tool
     return loads
@@ -384,7 +386,24 @@ def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:
     moving = np.flatnonzero(travel != travel[-1])
     rest = max(int(moving[-1]) + 1 if moving.size else 0, sample)
     last = sample + int(after[0]) if after.size else rest
+    start = float(travel[first]) if first >= 0 else 0.0
+    ends = np.array([start, travel[last]]) - travel[sample]
+    if ends[0] * ends[1] > 0.0 and np.abs(ends).min() >= reach:
+        # The tool turns on this piece, and nothing is left of its travel: one of the ways counts.
+        turn = first + 1 + int(np.argmax(np.abs(travel[first + 1 : last + 1] - start)))
+        return (first, turn) if sample <= turn else (turn, last)
     return first, last
+
+
+def _end_of_stroke(travel: np.ndarray) -> int:
+    """Return the sample at which the stroke of a tool ends: the farthest one where it comes back.
+
+    What the way back gives off is not the force of the stroke, and the travel between the ends of
+    both would tend to zero.
+    """
+    far = np.abs(travel)
+    back = far[-1] < (1.0 - WINDOW) * far.max()
+    return int(np.argmax(far)) if back else len(travel) - 1
 
 
 def kinetic_to_internal(

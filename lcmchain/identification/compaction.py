@@ -53,6 +53,8 @@ FRACTION_NAME = "fibre volume fraction"
 #: Rows that tell the fibre volume fraction in place of the thickness (:func:`with_thickness`).
 FRACTION_COLUMNS = ((Column(FRACTION_NAME, FRACTION, loading=1), Column("pressure", PRESSURE)),)
 MINIMUM_ROWS = 6
+#: c0, c1 and c2.
+COEFFICIENT_COUNT = 3
 # Part of the largest pressure by which noise may take a reading of none below zero.
 LARGEST_PULL = 0.1
 # Bounds of the scene for c2, and of c1 0.5^c2, the exponent at full compaction.
@@ -163,6 +165,13 @@ def _loaded_rows(data: CouponData, thickness: float) -> tuple[CouponData, list[s
             f"only {len(below.lines)} rows lie below the initial thickness "
             f"{thickness * 1e3:g} mm, at least {MINIMUM_ROWS} are needed; check --thickness and "
             "the unit",
+            file=data.file,
+        )
+    unlike = np.unique(below["thickness"]).size
+    if unlike < COEFFICIENT_COUNT:
+        raise InputError(
+            f"holds pressures at {unlike} unlike thicknesses, which do not tell the "
+            f"{COEFFICIENT_COUNT} coefficients of the law; give the rows of a whole closing",
             file=data.file,
         )
     if loaded.all():

@@ -105,6 +105,13 @@ def identify_shear(
     """
     data = _loaded_rows(data, specimen)
     angle, force = _angles(data, specimen), data["force"]
+    unlike = np.unique(angle).size
+    if unlike < COEFFICIENT_COUNT:
+        raise InputError(
+            f"holds forces at {unlike} unlike shear angles, which do not tell the "
+            f"{COEFFICIENT_COUNT} coefficients of the law; give the rows of a whole pull",
+            file=data.file,
+        )
     factor = {"engineering": 2.0, "tensor": 1.0}[convention]
     design = force_design(specimen, angle, factor)
     secant = mean_secant(design, force)

@@ -447,9 +447,9 @@ def _check_loops(
                 key=f"blank.holes[{number}]",
             )
     raise InputError(
-        f"has {contours.loop_count} boundaries, but elements of {edge_length:g} m make {found}: "
-        "holes, darts or slits are shorter than two elements, or nearer to each other or to the "
-        "rim; choose a smaller blank.edge_length, or move them apart",
+        f"has {contours.loop_count} boundaries, but elements of {1e3 * edge_length:g} mm make "
+        f"{found}: holes, darts or slits are shorter than two elements, or nearer to each other or "
+        "to the rim; choose a smaller blank.edge_length, or move them apart",
         key="blank",
     )
 

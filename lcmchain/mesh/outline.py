@@ -123,22 +123,23 @@ def check_element_count(outline: np.ndarray, area: float, edge_length: float) ->
     width = min(np.ptp(outline @ normal) for normal in normals)
     if edge_length > width:
         raise InputError(
-            f"{edge_length:g} m is larger than the blank, which is {width:g} m wide; "
-            f"choose {width / 10.0:.2g} m or less",
+            f"{1e3 * edge_length:g} mm is larger than the blank, which is {1e3 * width:g} mm wide; "
+            f"choose {1e3 * width / 10.0:.2g} mm or less",
             key=key,
         )
     if whole_number(width / edge_length) < 2:
         raise InputError(
-            f"{edge_length:g} m leaves fewer than two elements across the blank, which is "
-            f"{width:g} m wide; choose {width / 10.0:.2g} m or less",
+            f"{1e3 * edge_length:g} mm leaves fewer than two elements across the blank, which is "
+            f"{1e3 * width:g} mm wide; choose {1e3 * width / 3.0:.2g} mm or less, better a tenth "
+            "of the width",
             key=key,
         )
     estimate = area / edge_length**2
     if estimate > MAXIMUM_ELEMENT_COUNT:
         smallest = math.sqrt(area / MAXIMUM_ELEMENT_COUNT)
         raise InputError(
-            f"{edge_length:g} m would make about {estimate:.2g} elements, more than the "
-            f"{MAXIMUM_ELEMENT_COUNT} that are allowed; choose {smallest:.2g} m or more",
+            f"{1e3 * edge_length:g} mm would make about {estimate:.2g} elements, more than the "
+            f"{MAXIMUM_ELEMENT_COUNT} that are allowed; choose {1e3 * smallest:.2g} mm or more",
             key=key,
         )
 
@@ -155,7 +156,7 @@ def check_lattice_size(outline: np.ndarray, edge_length: float) -> None:
         raise InputError(
             f"{edge_length:g} m is too short for a blank that reaches over {width:.3g} m x "
             f"{height:.3g} m along its fibres: the lattice under it would have about {count:.2g} "
-            f"cells; choose {smallest:.2g} m or more, or turn the fibres along the blank",
+            f"cells; choose {1e3 * smallest:.2g} mm or more, or turn the fibres along the blank",
             key="blank.edge_length",
         )
 

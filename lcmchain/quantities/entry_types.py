@@ -552,6 +552,8 @@ def with_own_names(items: tuple[NamedEntry, ...]) -> tuple[NamedEntry, ...]:
 
 def no_such(name: str, known: Sequence[str], what: str) -> str:
     """Say that nothing has a name that an entry gives, and what may be meant instead."""
+    if not known:
+        return f"but there is no {what}"
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(known) or 'none'}"
+    hint = f'did you mean "{close[0]}"?' if close else f"there is {', '.join(known)}"
     return f"but there is no {what} of this name; {hint}"

@@ -15,7 +15,7 @@ from lcmchain.effects import fibre_bending
 from lcmchain.effects.interaction import NO_BOUND, Bound, bound, in_places
 from lcmchain.effects.process.pace import PaceLaw, next_pace
 from lcmchain.elements.family import Body, Condition
-from lcmchain.errors import SimulationError
+from lcmchain.errors import InputError, SimulationError
 from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.surfaces import InterfaceData
@@ -251,13 +251,17 @@ class Simulation:
     def advance_to(self, time: float, on_chunk: Callable[[Simulation], None] | None = None) -> None:
         """Advance to ``time`` [s] exactly; call ``on_chunk`` after every chunk of steps.
 
-        Borders of stages on the way are met exactly too: a stage begins with the first step after
-        the end of the one before.
+        A time that has passed changes nothing: back leads ``restore`` alone, with a copy of the
+        state that was taken then. Borders of stages on the way are met exactly too: a stage begins
+        with the first step after the end of the one before.
 
         Raises
         ------
+        InputError : the time is no finite number.
         SimulationError : a guard stopped the run; the state is that of the stop.
         """
+        if not math.isfinite(time):
+            raise InputError(f"advance_to: needs a time in s, not {time}")
         while self.time < time:
             self._begin_stage()
             stage = self.model.present_stage

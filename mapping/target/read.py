@@ -213,6 +213,9 @@ def _require_whole_cells(
     if base_type(name) in SOLID_CORNERS:
         spread = np.linalg.eigvalsh(np.einsum("cki,ckj->cij", offset, offset))
         refuse(spread[:, 0] <= FLATNESS**2 * spread[:, 2], "no volume")
+        # Solids between two copies of a curved surface are not flat and yet hold nothing.
+        size = np.linalg.norm(offset, axis=2).max(axis=1)
+        refuse(np.abs(_volumes(name, offset)) <= FLATNESS * size**3, "no volume")
     else:
         doubled = np.cross(offset[:, 2] - offset[:, 0], offset[:, -1] - offset[:, 1])
         size = np.linalg.norm(offset, axis=2).max(axis=1)
@@ -271,21 +274,29 @@ def _of_shells(target: TargetMesh) -> Iterable[str]:
         )
 
 
+def _volumes(name: str, offset: np.ndarray) -> np.ndarray:
+    """Return the volumes of solids [m^3], (C,), from their corners less their middles, (C, K, 3).
+
+    It is negative where a solid is inside out.
+    """
+    volume = np.zeros(len(offset))
+    for face in SOLID_FACES[base_type(name)]:
+        a, b, c, d = (offset[:, face[k if k < len(face) else -1]] for k in range(4))
+        volume += np.einsum("ci,ci->c", np.cross(c - a, d - b), a + b + c + d) / 24.0
+    return volume
+
+
 def _of_solids(target: TargetMesh) -> Iterable[str]:
     """Solids with a negative volume, and faces with more than two of them."""
     volumes, faces, owners = [], [], []
     first = 0
     for name, cells in target.blocks:
         corners = target.points[cells[:, : corner_count(name)]]
-        middle = corners.mean(axis=1)
-        volume = np.zeros(len(cells))
+        volumes.append(_volumes(name, corners - corners.mean(axis=1, keepdims=True)))
         for face in SOLID_FACES[base_type(name)]:
-            a, b, c, d = (corners[:, face[k if k < len(face) else -1]] - middle for k in range(4))
-            volume += np.einsum("ci,ci->c", np.cross(c - a, d - b), a + b + c + d) / 24.0
             closed = [*face, face[-1]][:4]
             faces.append(np.sort(cells[:, closed], axis=1))
             owners.append(first + np.arange(len(cells)))
-        volumes.append(volume)
         first += len(cells)
     inside_out = np.concatenate(volumes) < 0.0
     if inside_out.any():

@@ -377,6 +377,14 @@ def test_two_drives_at_once_are_refused(new_master, capfd):
     assert "both true" in capfd.readouterr().err
 
 
+def test_a_velocity_that_drives_nothing_is_told_once(new_master, capfd):
+    master = new_master().initialize(punch__velocity_input=0.2)
+    time = master.step(0.0, STEP)
+    assert "punch.drive nor punch.drive_to_position is true" in capfd.readouterr().err
+    master.step(time, STEP)
+    assert "punch.drive" not in capfd.readouterr().err
+
+
 # --- FMI 3.0 --------------------------------------------------------------------------------------
 
 

@@ -168,7 +168,7 @@ def test_a_tilted_target_is_told_and_mapped_where_it_belongs(pair, write_mesh, t
     wrong = write_mesh(away, [("triangle", cells)], "wrong.vtu")
     report = map_file(result, wrong, tmp_path / "w.nc", **options)
     (warning,) = [text for text in report.warnings if "--register" in text]
-    assert "turned by 3.9" in warning and "degrees" in warning and "half the sheet's" in warning
+    assert "Turned by 3.9" in warning and "degrees" in warning and "half the sheet's" in warning
     assert not report.registered and report.registration["root_mean_square"] > 2e-3
 
     off = meshio.read(tmp_path / "w.vtu").cell_data["areal_fibre_mass"][0]

@@ -236,6 +236,15 @@ def test_cells_that_are_none_are_refused(cells, words, write_mesh):
         read_target(path)
 
 
+def test_solids_between_two_copies_of_a_curved_surface_are_refused(write_mesh):
+    """No solid is flat, and none holds anything; a thousandth of an edge is a volume."""
+    below = np.array([[0, 0, 0], [1, 0, 0.3], [1, 1, 0], [0, 1, 0.3]])
+    cell = [("hexahedron", np.arange(8)[None])]
+    with pytest.raises(InputError, match="1 hexahedron cells have no volume .cell 0."):
+        read_target(write_mesh(np.concatenate([below, below]), cell))
+    assert read_target(write_mesh(np.concatenate([below, below + [0, 0, 1e-3]]), cell)).is_solid
+
+
 def test_nodes_at_no_place_are_refused(write_mesh):
     for value, words in ((np.nan, "places that are not finite"), (1e200, "beyond 1e")):
         points = POINTS.copy()

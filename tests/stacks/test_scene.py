@@ -218,7 +218,7 @@ WRONG = {
     ),
     "edge of a ply": (
         PRESET + PLY + PLY.replace('"5 mm"', '"19 mm"'),
-        r'plies\[1\] "ply_2".edge_length: 0.019 m leaves fewer',
+        r'plies\[1\] "ply_2".edge_length: 19 mm leaves fewer',
     ),
 }  # fmt: skip
 

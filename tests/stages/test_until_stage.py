@@ -135,7 +135,7 @@ def test_what_has_worked_before_must_be_the_same(pressed, tmp_path, override, ke
 
 def test_a_run_goes_on_from_the_end_of_a_stage_alone(whole, pressed, tmp_path):
     scene = staged(*NAMES, overrides=FAST)
-    with pytest.raises(InputError, match="there is no checkpoint"):
+    with pytest.raises(InputError, match="--from: .*nothing.*--until-stage NAME"):
         run(scene, tmp_path, start_from=tmp_path / "nothing")
     with pytest.raises(InputError, match="--from: is the folder of this run"):
         run(scene, pressed, start_from=pressed)

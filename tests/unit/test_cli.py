@@ -130,7 +130,7 @@ def test_run_hands_everything_over(monkeypatch, scene_file, tmp_path, capsys):
         (SimulationError("element 7 is inverted at 3 ms"), 1),
         (InputError("is wrong", key="blank.size"), 2),
         (OSError(28, "No space left on device", "forming.nc"), 1),
-        (KeyboardInterrupt(), None),
+        (KeyboardInterrupt(), 1),
     ],
 )
 def test_errors_are_one_message_and_an_exit_code(
@@ -143,11 +143,8 @@ def test_errors_are_one_message_and_an_exit_code(
     out = tmp_path / "deep" / "results"
     found = exit_code("run", scene_file, "--out", out)
     message = capsys.readouterr().err
-    if code is None:
-        assert found not in (0, 2)
-    else:
-        assert found == code
-        assert message.count("Error:") == 1 and message.startswith("Error: ")
+    assert found == code
+    assert message.count("Error:") == 1 and message.startswith("Error: ")
     assert "Traceback" not in message
     assert not (tmp_path / "deep").exists(), "folders made for nothing are removed"
 
@@ -160,6 +157,19 @@ def test_a_failed_run_keeps_what_it_left(monkeypatch, scene_file, tmp_path):
     stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
     assert exit_code("run", scene_file, "--out", tmp_path / "results") == 1
     assert (tmp_path / "results" / "checkpoint.npz").exists()
+
+
+def test_a_run_that_is_interrupted_after_forming_says_how_it_goes_on(
+    monkeypatch, scene_file, tmp_path, capsys
+):
+    def run_scene(scene, out, **options):
+        (out / "checkpoint.npz").touch()
+        raise KeyboardInterrupt
+
+    stand_in(monkeypatch, "lcmchain.pipeline", run=run_scene)
+    assert exit_code("run", scene_file, "--out", tmp_path / "results") == 1
+    message = capsys.readouterr().err
+    assert message.startswith("Error: stopped by the user") and "--resume goes on" in message
 
 
 def test_default_folder_is_named_after_the_scene():

@@ -270,6 +270,28 @@ def test_the_piece_around_the_maximum_ends_where_the_tool_rests():
     assert _around(travel, 10) == (9, 11)
 
 
+def test_the_piece_around_the_maximum_lies_on_one_way_of_a_tool_that_comes_back():
+    down = np.arange(1, 41) / 40.0
+    travel = np.concatenate([down, down[::-1][1:], [0.0]])  # turns with sample 39
+    assert _around(travel, 39) == (38, 39)
+    assert _around(travel, 40) == (39, 41)
+    for sample in range(30, 50):
+        first, last = _around(travel, sample)
+        assert first < last, sample
+        assert abs(travel[last] - travel[first]) >= 1.0 / 40.0 - 1e-12, sample
+
+
+def test_the_force_over_the_stroke_ends_where_a_tool_begins_to_come_back(history, datasets):
+    """All the way back its travel is 0, and no force follows from it."""
+    count = history.sizes["history_time"]
+    turn = count // 2
+    back = history.copy(deep=True)
+    back["history_tool_travel"].values[turn:, 0] = np.linspace(2e-3, 0.0, count - turn)
+    back["history_tool_travel"].values[: turn + 1, 0] = np.linspace(1e-4, 2e-3, turn + 1)
+    parts = tool_loads(back, datasets[SHEET])["punch"]["parts_over_stroke"]
+    assert parts == force_parts(back, 0, -1, turn)
+
+
 def test_parts_of_the_force_add_up_to_it(history, datasets):
     loads = tool_loads(history, datasets[SHEET])
     assert "parts_over_stroke" not in loads["die"]  # it does not move

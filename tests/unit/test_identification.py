@@ -529,6 +529,7 @@ GOOD = "displacement [mm],force [N]\n" + "".join(f"{i},{0.3 * i}\n" for i in ran
         (GOOD.replace("\n5,1.5", "\n5,1e-320"), 'line 6, column "force": .* is too small'),
         (GOOD.replace("\n", ",1" * 300 + "\n"), "302 columns and 11 rows; at most 200"),
         (GOOD + "12,3.6\n" * 30_000, "2 columns and 30,011 rows; at most 200 and 20,000"),
+        (GOOD.splitlines()[0] + "\n4,1.2" * 12, "forces at 1 unlike shear angles"),
         (GOOD + "#" * 21_000_000, "more than 20 MB"),
     ],
 )

@@ -119,6 +119,8 @@ def test_resume_maps_without_forming_again(failed, folder, tmp_path, monkeypatch
     assert summary_in(again) == result.summary
     assert not (again / FILE_NAME).exists()
     assert (again / "far.nc").is_file()
+    with pytest.raises(InputError, match="is complete, nothing of it is left"):
+        run(read_scene(mended), again, resume=True)
     before = error.result.summary
     changed = {key for key in before if before[key] != result.summary[key]}
     assert changed <= {

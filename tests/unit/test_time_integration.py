@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numba
@@ -10,6 +11,7 @@ import pytest
 
 from lcmchain.elements.blocks import NODE_CHUNK
 from lcmchain.elements.family import internal_forces
+from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import (
@@ -301,6 +303,9 @@ def test_advance_lands_on_the_time_asked_for():
         assert sim.time == time
     steps = sim.state.step_count
     sim.advance_to(1e-3)  # in the past
+    for time in (math.nan, math.inf):
+        with pytest.raises(InputError, match="advance_to: needs a time"):
+            sim.advance_to(time)
     assert (sim.time, sim.state.step_count) == (0.1 * 0.03, steps)
 
 

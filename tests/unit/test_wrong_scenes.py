@@ -5,6 +5,7 @@ import pytest
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.scene import read_scene
+from lcmchain.scene.reading.single_tables import read_structure
 
 SCENE = """
 title = "Hemisphere"
@@ -157,12 +158,15 @@ WRONG = {
     ),
     "layers": (SCENE + "[[layers]]\n", "layers", "plies that lie on each other stand in"),
     "plies of the material": (
-        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies", "it belongs into the top"
+        replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies",
+        "it belongs into the top level; possible here: ",
     ),
     "holes": (
         replaced(("edge_length", "cutout = []\nedge_length")), "blank.cutout", "holes, darts and"
     ),
     "clamps": (SCENE + "[[clamps]]\n", "clamps", "[[grippers]] hold"),
+    "steps": (SCENE + "[[steps]]\n", "steps", "stand in [[stages]]"),
+    "diaphragms": (SCENE + "[diaphragm]\n", "diaphragm", "film = true"),
     "springs": (SCENE + "[[springs]]\n", "springs", "as a blank holder does"),
     "missing key": (replaced(('edge_length = "5 mm"\n', "")), "blank.edge_length", "is missing"),
     "unknown table": (SCENE + "[proces]\n", "proces", 'did you mean "process"?'),
@@ -546,3 +550,11 @@ def test_results_that_cannot_be_written(folder, capsys):
 
 def test_there_are_as_many_kinds_of_wrong_scene_as_promised():
     assert len(WRONG) + len(WRONG_AT_THE_START) >= 30
+
+
+def test_a_scene_in_place_of_a_case_is_told_what_it_is(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    told = "blank: unknown key; it belongs into a scene, and this file holds its structure alone"
+    with pytest.raises(InputError, match=told):
+        read_structure(path)

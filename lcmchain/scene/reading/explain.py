@@ -251,6 +251,10 @@ _LOADS = (
     "what loads the sheet is a tool with a stroke or a force (motion = "
     '{ type = "guided", ... }), [[pressure]] on a face, and process.gravity'
 )
+_FILMS = (
+    "a diaphragm or film is one of [[plies]], with film = true; [[pressure]] on one of its faces "
+    "presses it (lcmchain docs diaphragms)"
+)
 #: What a scene has for a concept that other programs have a key for; keys in the singular.
 _CONCEPTS = {
     **dict.fromkeys(
@@ -266,7 +270,8 @@ _CONCEPTS = {
         ),
         _HELD_BY_TOOLS,
     ),
-    **dict.fromkeys(("load", "force", "bag", "vacuum", "diaphragm", "membrane_bag"), _LOADS),
+    **dict.fromkeys(("load", "force", "bag", "vacuum"), _LOADS),
+    **dict.fromkeys(("diaphragm", "film", "membrane_bag"), _FILMS),
     **dict.fromkeys(
         ("symmetry", "symmetrie", "symmetry_plane"),
         "there are no planes of symmetry; give the whole blank and whole tools",
@@ -278,8 +283,8 @@ _CONCEPTS = {
     ),
     **dict.fromkeys(
         ("step", "stage", "phase"),
-        'a scene is one process; motion = { type = "table", ... } lets a tool move, stand and '
-        "return within it",
+        "the steps of a process stand in [[stages]], in their order, each with its motions "
+        "(lcmchain docs stages)",
     ),
     **dict.fromkeys(
         ("time_step", "timestep", "dt"),
@@ -323,7 +328,7 @@ def problems_of(
         if field:
             separator = "" if not key or field.startswith("[") else "."
             key = f"{key}{separator}{field}"
-        message = _message(details, location, data)
+        message = _message(details, location, data, at)
         if details["type"] in ("union_tag_invalid", "union_tag_not_found"):
             key = f"{key}.{_discriminator(location)}"
         problems.append(Problem(key, message))
@@ -384,7 +389,9 @@ def _discriminator(location: Sequence[str | int]) -> str:
     return DISCRIMINATORS["material" if is_named_material else str(location[-1])]
 
 
-def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
+def _message(
+    details: Any, location: tuple[str | int, ...], data: Any, at: tuple[str | int, ...]
+) -> str:
     kind, context = details["type"], details.get("ctx", {})
     name = str(location[-1]) if location else ""
     if kind == "scene":
@@ -392,7 +399,7 @@ def _message(details: Any, location: tuple[str | int, ...], data: Any) -> str:
     if kind == "missing":
         return f"is missing; {_wanted(location, data)}"
     if kind == "extra_forbidden":
-        return _unknown_key(name, location, data)
+        return _unknown_key(name, location, data, at)
     if kind == "literal_error":
         model_field = field_at(location, data)
         choices = choices_of(model_field.annotation) if model_field else ()
@@ -433,7 +440,10 @@ def _choice_message(value: Any, choices: Sequence[str]) -> str:
     return f"is {_toml_like(value)}, but must be one of {_listed(choices)}{hint}"
 
 
-def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
+def _unknown_key(
+    name: str, location: tuple[str | int, ...], data: Any, at: tuple[str | int, ...]
+) -> str:
+    """Say where a key belongs, in a file that holds the table ``at`` of a scene."""
     model = model_at(location[:-1], data)
     keys = sorted(model.model_fields) if model else []
     # Tables of other stages have loads, layers and temperatures of their own.
@@ -448,9 +458,14 @@ def _unknown_key(name: str, location: tuple[str | int, ...], data: Any) -> str:
             return f'unknown key here; it belongs into "{table}" ({table}.{name})'
     for depth in range(len(location) - 2, -1, -1):
         outer = model_at(location[:depth], data)
-        if outer is not None and name in outer.model_fields:
-            place = key_text(location[:depth], data)
-            return f"unknown key here; it belongs into {f'[{place}]' if place else 'the top level'}"
+        if outer is None or name not in outer.model_fields:
+            continue
+        if depth < len(at):
+            return f"unknown key; it belongs into a scene, and this file holds its {at[-1]} alone"
+        place = key_text(location[:depth], data)
+        place = f"[{place}]" if place else "the top level"
+        # One word may mean two things: what is possible here is the other way out.
+        return f"unknown key here; it belongs into {place}; possible here: {', '.join(keys)}"
     concept = _CONCEPTS.get(name.lower().removesuffix("s"))
     if concept is not None and of_forming:
         return f"unknown key; {concept}"
