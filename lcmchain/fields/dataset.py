@@ -18,9 +18,8 @@ from lcmchain.fields.derived import (
     pressure_fields,
     tool_pressure,
 )
-from lcmchain.fields.frames import FrameSeries, Histories
-from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.saved import HISTORY, FrameSeries, Histories, history_dataset
 from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
 from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS

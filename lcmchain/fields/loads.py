@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.fields.frames import tables_of_tools
-from lcmchain.fields.history_group import SAMPLE
+from lcmchain.fields.saved import SAMPLE, tables_of_tools
 from lcmchain.fields.sheet import edge_length, largest_turn, vector
 from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.state import STOPPED_TIME, STOPPED_TRAVEL

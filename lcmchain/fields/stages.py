@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, Variable

@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 
 from lcmchain.atomic import replacing
-from lcmchain.fields.history_group import tool_places
+from lcmchain.fields.saved import tool_places
 from lcmchain.fields.sheet import sheet_faces, sheet_positions
 from lcmchain.report.drawn_tools import DepthBuffer, RunTools, draw_tool
 from lcmchain.report.pictures import on_faces

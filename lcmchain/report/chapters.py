@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force
+from lcmchain.fields.saved import SAMPLE
 from lcmchain.fields.stages import last_frames
 from lcmchain.quantities.durations import milliseconds_text
 from lcmchain.quantities.rounded import percent

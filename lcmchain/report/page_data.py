@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lcmchain.fields.history_group import SAMPLE, tool_places
 from lcmchain.fields.loads import has_histories, mean_force
+from lcmchain.fields.saved import SAMPLE, tool_places
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
 from lcmchain.fields.stack import PLY, ply_names
 from lcmchain.fields.stages import STAGE, borders

@@ -11,7 +11,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.history_group import tool_places
+from lcmchain.fields.saved import tool_places
 from lcmchain.fields.sheet import course_names, sheet_positions
 from lcmchain.fields.stack import ply_names, without_films
 from lcmchain.fields.stages import last_frames

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.loads import quoted_force
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
+from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.fields.stack import PLY
 

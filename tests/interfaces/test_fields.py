@@ -15,7 +15,7 @@ from lcmchain.check.large_mesh import frame_bytes
 from lcmchain.compilation.references import Reference
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
-from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.saved import FrameSeries
 from lcmchain.fields.sheet import node_areas, vector
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import stack_summary
