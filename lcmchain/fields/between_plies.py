@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.elements.family import Body
 from lcmchain.fields.table import FIELDS
+from lcmchain.fields.ugrid import Described
 from lcmchain.interfaces.in_frames import (
     APART,
     CONTACT,
@@ -92,9 +93,9 @@ class BetweenPlies:
         rows, area = self.rows[-1][:, nodes], self.area[-1][nodes]
         contact.add(rows[PRESSED] / area, rows[SLID_PATH], rows[CONTACT], area)
 
-    def fields(self, side: str, nodes: slice) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def fields(self, side: str, nodes: slice) -> dict[str, Described]:
         """Return values (F, n) and attributes of every variable of one face of the ply."""
-        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
+        found: dict[str, Described] = {}
         area = self.area[:, nodes]
         for stem, row in (_STRESSES | _LENGTHS).items():
             field = FIELDS[f"{stem}_{side}"]

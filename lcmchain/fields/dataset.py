@@ -27,6 +27,7 @@ from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
     TIME,
+    Described,
     UgridMesh,
     Variable,
     saved_times,
@@ -152,11 +153,11 @@ class SheetFrames:
     def material(self) -> Material:
         return self.body.material
 
-    def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def fields(self) -> dict[str, Described]:
         """Return values (F, element_count) and attributes of every face field."""
         values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
         values |= self.wrinkle_risk
-        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {
+        found: dict[str, Described] = {
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()
         }
@@ -173,7 +174,7 @@ class SheetFrames:
             found[entry.name] = (np.ascontiguousarray(value), attributes)
         return found
 
-    def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def node_fields(self) -> dict[str, Described]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
         found = {}
         if self.wrinkle_height is not None:
@@ -216,8 +217,8 @@ def build_datasets(
     Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
     ply = scene.only_ply("build_datasets")
-    own: Any = ply.built_material() if material is None else material
-    body = family_of(ply.element).build("sheet", blank, own, ply.element, 0, 0)
+    fabric = ply.built_material() if material is None else material
+    body = family_of(ply.element).build("sheet", blank, fabric, ply.element, 0, 0)
     past = []
     for positions in frames.positions:
         past.append(body.no_history())
@@ -335,14 +336,14 @@ def add_face_variables(
 # --- sheets ---------------------------------------------------------------------------------------
 
 
-def _one_sheet(scene, sheet: SheetFrames, frames: FrameSeries) -> dict[str, xr.Dataset]:
+def _one_sheet(scene: Scene, sheet: SheetFrames, frames: FrameSeries) -> dict[str, xr.Dataset]:
     groups = {SHEET: _sheet(scene, SHEET_MESH, sheet, frames)}
     if sheet.mesh.volumes is not None:
         groups[SOLID] = _solid(sheet, frames)
     return groups
 
 
-def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
+def _sheet(scene: Scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
     reference = sheet.mesh.mid_surface(sheet.mesh.node_positions)
     current = sheet.mesh.mid_surface(sheet.positions)
     variables: dict[str, Variable] = {
@@ -361,8 +362,8 @@ def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> x
     return mesh.dataset(variables, attributes)
 
 
-def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
-    """The mid-surfaces of all bodies as one mesh."""
+def _all_sheets(scene: Scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
+    """Return the mid-surfaces of all bodies as one mesh."""
     mesh = SHEET_MESH
     references = [s.mesh.mid_surface(s.mesh.node_positions) for s in sheets.values()]
     current = [s.mesh.mid_surface(s.positions) for s in sheets.values()]
@@ -411,9 +412,9 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
 
 def _through_stack(
     sheets: Sequence[SheetFrames],
-    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]],
+    fields: Sequence[dict[str, Described]],
     there: Sequence[np.ndarray | None],
-) -> list[dict[str, tuple[np.ndarray, dict[str, Any]]]]:
+) -> list[dict[str, Described]]:
     """Return the fields of the stack on the faces of each ply.
 
     there : in which frames each ply is there, None for all.
@@ -446,9 +447,7 @@ def _through_stack(
     return found
 
 
-def _joined(
-    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]], counts: Sequence[int]
-) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+def _joined(fields: Sequence[dict[str, Described]], counts: Sequence[int]) -> dict[str, Described]:
     """Return the fields of several sheets one after the other, nan where a sheet has none."""
     joined = {}
     for name in dict.fromkeys(name for own in fields for name in own):
@@ -476,7 +475,7 @@ def _moving_nodes(
     }
 
 
-def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
+def _global_attributes(scene: Scene, material: Material | None) -> dict[str, Any]:
     """Return what the file says of its origin, and of the one material of a group."""
     from lcmchain import __version__
 
@@ -545,8 +544,8 @@ def _node_fields(
     return variables
 
 
-def _scalars(name: str, values: np.ndarray, shape: tuple[int, int]):
-    """Names and values of the components of a field, each of the shape of a scalar."""
+def _scalars(name: str, values: np.ndarray, shape: tuple[int, int]) -> list[tuple[str, np.ndarray]]:
+    """Return names and values of the components of a field, each of the shape of a scalar."""
     for scalar_shape in (shape, shape[1:]):
         if values.shape == scalar_shape:
             return [(name, values)]

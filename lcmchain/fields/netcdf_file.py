@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import netCDF4
 import xarray as xr
@@ -24,7 +24,9 @@ _one_thread = threading.RLock()
 
 
 @contextmanager
-def open_netcdf(path: Path | str, group: str | None = None, **options: Any) -> Iterator[xr.Dataset]:
+def open_netcdf(
+    path: Path | str, group: str | None = None, **options: bool
+) -> Iterator[xr.Dataset]:
     """Open a group of a file as `xarray.open_dataset` does; load what is needed before the end.
 
     Raises

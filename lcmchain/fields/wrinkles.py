@@ -32,17 +32,13 @@ from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import median_edge_length
 from lcmchain.fields.sheet import (
-    face_centres,
     mesh_axes,
     reference_positions,
-    sheet_areas,
     sheet_faces,
     sheet_positions,
 )
 from lcmchain.mesh.lines import FibreLines, lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
-from lcmchain.quantities.places import millimetres
-from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable
 
@@ -283,29 +279,6 @@ def elements_in_waves(points: np.ndarray, faces: np.ndarray, lines: FibreLines) 
                 found = np.where(after[one] == other, of_edge[one], np.inf)
                 shortest = np.minimum(shortest, found)
     return shortest
-
-
-def area_in_waves_below(sheet: xr.Dataset, found: np.ndarray, count: float) -> float:
-    """Return the part of the undeformed area in waves of fewer elements than ``count``.
-
-    found : from :func:`elements_per_wave`.
-    """
-    areas = sheet_areas(sheet, 0)
-    return float(areas[found < count].sum() / areas.sum())
-
-
-def wave_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
-    """Say where waves of a frame have too few elements."""
-    found = elements_per_wave(sheet, frame)
-    part = area_in_waves_below(sheet, found, LEAST_ELEMENTS_PER_WAVE)
-    if part == 0.0:
-        return []
-    place = millimetres(face_centres(sheet, formed=True)[int(np.argmin(found))], 1)
-    return [
-        f"waves are unresolved: down to {found.min():.1f} elements per wavelength, at {place}, and "
-        f"fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the area, so that their height and "
-        "length are those of the mesh; use a smaller blank.edge_length"
-    ]
 
 
 def _lines(before: np.ndarray, after: np.ndarray) -> Iterator[np.ndarray]:

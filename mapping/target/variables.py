@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
+from lcmchain.fields.ugrid import Described
 from lcmchain.mapping.target.mesh import TargetMesh
 from lcmchain.mesh_files.readers.by_meshio import CELL_SET, NODE_SET, PART
 
 MOST_MARKED_PARTS = 100
-
-#: Values (C,) or (N,) and attributes.
-Described = tuple[np.ndarray, dict[str, Any]]
 
 # A variable's name, and a word of flag_meanings, consist of these (CF 1.11, 2.3 and 3.5).
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_]+")
