@@ -480,7 +480,7 @@ def _global_attributes(scene: Scene, material: Material | None) -> dict[str, Any
     from lcmchain import __version__
 
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    attributes = {
+    attributes: dict[str, Any] = {
         "Conventions": CONVENTIONS,
         "title": str(scene.title),
         "history": f"{now} formed by lcmchain {__version__}",

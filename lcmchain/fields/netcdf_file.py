@@ -25,7 +25,11 @@ _one_thread = threading.RLock()
 
 @contextmanager
 def open_netcdf(
-    path: Path | str, group: str | None = None, **options: bool
+    path: Path | str,
+    group: str | None = None,
+    *,
+    mask_and_scale: bool | None = None,
+    decode_cf: bool | None = None,
 ) -> Iterator[xr.Dataset]:
     """Open a group of a file as `xarray.open_dataset` does; load what is needed before the end.
 
@@ -35,7 +39,9 @@ def open_netcdf(
     """
     with _one_thread, _opened(path, "r") as file:
         store = NetCDF4DataStore(file, group=group, mode="r")
-        with xr.open_dataset(store, **options) as dataset:
+        with xr.open_dataset(
+            store, mask_and_scale=mask_and_scale, decode_cf=decode_cf
+        ) as dataset:
             yield dataset
 
 
