@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.report.shown import CAPTIONS, START_PICTURE
+from lcmchain.report.style import CAPTIONS, START_PICTURE
 from lcmchain.results.log import LOG_FILE
 from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene

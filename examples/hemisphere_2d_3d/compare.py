@@ -26,7 +26,7 @@ from lcmchain.fields import read_forming, read_group
 from lcmchain.fields.derived import face_area_vectors
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.report.pictures import draw_comparison
-from lcmchain.report.shown import SHOWN
+from lcmchain.report.style import SHOWN
 from lcmchain.verification.hemisphere import (
     FLANGE_RADIUS,
     LOCAL_AREAS,

@@ -54,7 +54,7 @@ from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, p
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
 from lcmchain.quantities.places import millimetres
-from lcmchain.report.shown import START_PICTURE
+from lcmchain.report.style import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
 

@@ -39,9 +39,7 @@ def open_netcdf(
     """
     with _one_thread, _opened(path, "r") as file:
         store = NetCDF4DataStore(file, group=group, mode="r")
-        with xr.open_dataset(
-            store, mask_and_scale=mask_and_scale, decode_cf=decode_cf
-        ) as dataset:
+        with xr.open_dataset(store, mask_and_scale=mask_and_scale, decode_cf=decode_cf) as dataset:
             yield dataset
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.stages import STAGE
+from lcmchain.report.renderer import one_path
 from lcmchain.report.style import SERIES
 from lcmchain.report.view import View, contour_edges, facet_normals
 from lcmchain.scene.stages import at_work
@@ -166,7 +167,7 @@ def draw_tool(
             points[triangles[side * towards_viewer > 0.0]], view, sheet, side, size
         )
         for zorder, corners in zip((BEHIND, IN_FRONT if over_sheet else BEHIND), parts):
-            path = _one_path(view.on_screen(corners))
+            path = one_path(view.on_screen(corners))
             # an artist, since adding a patch takes the limits of every triangle
             axis.add_artist(
                 PathPatch(path, facecolor=colour, alpha=OPACITY, linewidth=0.0, zorder=zorder)
@@ -223,14 +224,3 @@ def divided_segments(segments: np.ndarray, size: float) -> np.ndarray:
     start, along = segments[owner, 0], (segments[owner, 1] - segments[owner, 0])
     share = (np.stack([part, part + 1], axis=1) / count[owner, None])[:, :, None]
     return start[:, None] + share * along[:, None]
-
-
-def _one_path(corners: np.ndarray):
-    """Join triangles with screen corners (F, 3, 2), all turned alike, to one path."""
-    from matplotlib.path import Path as DrawnPath
-
-    closed = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
-    codes = np.array(
-        [DrawnPath.MOVETO, DrawnPath.LINETO, DrawnPath.LINETO, DrawnPath.CLOSEPOLY], dtype=np.uint8
-    )
-    return DrawnPath(closed, np.tile(codes, len(corners)))

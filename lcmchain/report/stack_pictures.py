@@ -29,8 +29,19 @@ from lcmchain.report.renderer import (
     sheet_layer,
 )
 from lcmchain.report.sections import Plane, Strip, default_planes, draw_section, strips_of
-from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
-from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, headline, new_figure, save
+from lcmchain.report.style import (
+    BETWEEN_SHOWN,
+    FAINT,
+    FIBRE_COLOURS,
+    INK,
+    RC,
+    SHOWN,
+    Shown,
+    colour_scale,
+    headline,
+    new_figure,
+    save,
+)
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
 from lcmchain.tools.distance import gaps
 

@@ -13,8 +13,7 @@ from lcmchain.mapping.structure.report import StructureReport
 from lcmchain.mapping.structure.results import StructuralResults
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.report.renderer import axes_at, draw_colour_bar, draw_facets, draw_triad, fit_axis
-from lcmchain.report.shown import Shown, colour_scale
-from lcmchain.report.style import FAINT, RC, headline, new_figure, save
+from lcmchain.report.style import FAINT, RC, Shown, colour_scale, headline, new_figure, save
 from lcmchain.report.view import View, boundary_edges, hangs_down, oblique
 
 PANEL = 4.2  # width of one panel [in]

@@ -15,7 +15,7 @@ from lcmchain.fields.saved import FrameSeries, Histories, history_dataset, tool_
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming.variables import variables_of
 from lcmchain.model import build_model
-from lcmchain.report.page_data import tool_data
+from lcmchain.report.html import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance

@@ -28,8 +28,8 @@ from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
 from lcmchain.report.numbers import key_numbers, ply_numbers
-from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import draw_plies
+from lcmchain.report.style import CAPTIONS
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 from lcmchain.tools.span_rows import SPAN
