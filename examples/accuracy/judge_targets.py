@@ -33,8 +33,7 @@ from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Rehearsal, Study, Workers
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.study.step_settings import AS_IT_IS, StepSettings
 
 #: Counted time of an element of the solid-shell and of a triangle in a step, of a step beside them,

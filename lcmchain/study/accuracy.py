@@ -28,7 +28,7 @@ from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differenc
 from lcmchain.study.convergence import LEAST_PROGRESS, NO_ORDER, Convergence, fitted, progress
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
 from lcmchain.study.step_settings import why_time_stays
 
 # --- settings -------------------------------------------------------------------------------------

@@ -39,8 +39,7 @@ from lcmchain.study.convergence import (
 )
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import DURATION, Progress, Rehearsal, Study, Workers, rehearse
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     LONGER,

@@ -18,7 +18,7 @@ from lcmchain.study.comparison import QUANTITIES, Difference, differences
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.results import plain_table, short
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
 
 
 @dataclass(frozen=True, eq=False)

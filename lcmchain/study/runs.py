@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lcmchain.check.expected_cost import estimate_run
 from lcmchain.compilation.threads import thread_count, use_threads
@@ -23,7 +23,10 @@ from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
-from lcmchain.study.source import Progress, Source, Variant
+from lcmchain.study.sources import Progress, Source, Variant
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"
@@ -157,7 +160,7 @@ class Study:
         threads = self.workers.threads_of_a_run
         with _client(self.workers, min(self.workers.count, len(variants))) as client:
 
-            def submitted(variant: Variant) -> Any:
+            def submitted(variant: Variant) -> Future:
                 return client.submit(
                     make_run, self.source, variant, threads, key=f"run-{variant.name}",
                     pure=False, retries=RETRIES,
@@ -172,7 +175,7 @@ class Study:
 
 
 @contextmanager
-def _client(workers: Workers, count: int) -> Iterator[Any]:
+def _client(workers: Workers, count: int) -> Iterator[Client]:
     """Connect to the scheduler, or start workers on this machine for as long as it takes.
 
     Never as the default: xarray would ask for it from then on, after it is gone as well.

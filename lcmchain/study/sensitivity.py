@@ -23,8 +23,8 @@ from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.results import RESULTS, plain_table, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.sampling import NUMBER
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
+from lcmchain.study.sweep import NUMBER
 
 #: Part by which inputs are lowered and raised.
 PART = 0.1

@@ -21,8 +21,7 @@ from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
 from lcmchain.solver.remedies import slower_loads
 from lcmchain.state import State
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.summary import _before_release
 
 SCENE = """
