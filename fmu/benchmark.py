@@ -103,7 +103,7 @@ class _Master:
             return self.slave.getReal(self.references[name])
         return self.slave.getFloat64(self.references[name], nValues=count)
 
-    def access(self, name: str, count: int, *, write: bool) -> Callable[[], Any]:
+    def access(self, name: str, count: int, *, write: bool) -> Callable[[], object]:
         """Return what reads or writes a field by the function of the standard, from arrays."""
         numbers = self.references[name]
         references = (ctypes.c_uint32 * len(numbers))(*numbers)
@@ -184,7 +184,7 @@ def _element_count() -> int:
     return Simulation.from_scene(scene_from_text(SCENE)).model.element_count
 
 
-def _median(count: int, work: Callable[[], Any]) -> float:
+def _median(count: int, work: Callable[[], object]) -> float:
     times = []
     for _ in range(count):
         start = time.perf_counter()

@@ -181,7 +181,7 @@ class Unit:
 
     @guarded
     @outermost
-    def set_numbers(self, references: Sequence[int], values: Sequence[Any], kind: Kind) -> Status:
+    def set_numbers(self, references: Sequence[int], values: Sequence[float], kind: Kind) -> Status:
         """Set parameters or inputs that are no texts; all of them or none."""
         slots = self._settable(references, kind)
         count = self.values.numbers[slots].size
@@ -192,12 +192,13 @@ class Unit:
 
     @guarded
     @outermost
-    def set_texts(self, references: Sequence[int], values: Sequence[Any]) -> Status:
+    def set_texts(self, references: Sequence[int], values: Sequence[object]) -> Status:
         """Set parameters that are texts; all of them or none."""
         touched = self._variables_of(self._settable(references, Kind.STRING))
-        if len(values) != len(touched) or not all(isinstance(text, str) for text in values):
+        texts = [text for text in values if isinstance(text, str)]
+        if len(values) != len(touched) or len(texts) != len(values):
             raise Refused("what was set is no text in UTF-8")
-        self.values.texts |= {variable.name: text for variable, text in zip(touched, values)}
+        self.values.texts |= {variable.name: text for variable, text in zip(touched, texts)}
         return Status.OK
 
     # --- rollback ---------------------------------------------------------------------------------
@@ -221,19 +222,20 @@ class Unit:
 
     @guarded
     @outermost
-    def restore(self, saved: Any) -> Status:
+    def restore(self, saved: object) -> Status:
         """Go back to a saved state of this unit, of this process or another; it stays as it is."""
-        self._require_own(saved)
+        state = self._own_state(saved)
         before = self.save()
         try:
-            self._take(saved)
+            self._take(state)
         except BaseException:
             if isinstance(before, SavedState):
                 self._take(before)
             raise
         return Status.OK
 
-    def _require_own(self, saved: Any) -> None:
+    def _own_state(self, saved: object) -> SavedState:
+        """Return what was handed in as a state of this unit; refuse all else."""
         if isinstance(saved, LcmchainError):  # bytes that could not be read
             raise Refused(str(saved))
         if not isinstance(saved, SavedState):
@@ -250,6 +252,7 @@ class Unit:
             variable = self._by_name.get(name)
             if variable is None or values.shape != (variable.count,):
                 raise Refused(f"the state holds {name} with {values.size} values")
+        return saved
 
     def _take(self, saved: SavedState) -> None:
         old = self.values.settings()[0]

@@ -9,8 +9,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from lcmchain.errors import InputError
+from lcmchain.fmu.doctor.binary import link, read_shared_object
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
-from lcmchain.fmu.doctor.libraries import link, read_shared_object
 from lcmchain.fmu.doctor.python import Interpreter
 
 

@@ -19,8 +19,8 @@ from pathlib import Path
 from packaging.requirements import InvalidRequirement, Requirement
 
 from lcmchain.errors import InputError
+from lcmchain.fmu.doctor.binary import link, read_shared_object
 from lcmchain.fmu.doctor.findings import Diagnosis, Finding, Level
-from lcmchain.fmu.doctor.libraries import link, read_shared_object
 
 
 def examine_python(

@@ -11,9 +11,6 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.interface import Interface
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
-# --- Fields of a forming unit between the elements and its interface ----------------------------
-
-
 #: What a patch holds the sum of; of all else it has the mean by area.
 SUMMED = ("volume", "volume_rate", "volume_rate_slope", "area", "area_rate")
 

@@ -12,6 +12,7 @@ from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 
+from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
     PRESSURE_AT_REST,
@@ -19,12 +20,12 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming, SavedForming
 from lcmchain.coupling.solids.stack import forming_of_scene
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fields import derive_fields
+from lcmchain.fields import derive_fields, write_forming_netcdf
 from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
 from lcmchain.fingerprint import run_fingerprint
-from lcmchain.fmu.forming.frames import with_present, write_result
 from lcmchain.fmu.forming.interface import at_interface
 from lcmchain.fmu.forming.scene_parameters import SceneParameter, overrides, scene_parameters
 from lcmchain.fmu.forming.variables import (
@@ -55,6 +56,7 @@ from lcmchain.fmu.part import (
 from lcmchain.fmu.variables import Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.model import build_model
+from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
@@ -64,6 +66,9 @@ from lcmchain.tools.turn import turning
 
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
+
+# Communication points seldom hit the times of the scene's frames exactly.
+TIME_TOLERANCE = 1e-6
 
 # What a simulation keeps itself.
 _OF_SIMULATION = ("state", "control")
@@ -455,7 +460,7 @@ class FormingPart(Part):
         }
 
 
-def _own(body: Any, position: np.ndarray) -> np.ndarray:
+def _own(body: Body, position: np.ndarray) -> np.ndarray:
     """Return a body's part (n, 3) of the positions of all nodes (3, node_count)."""
     nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
     return np.ascontiguousarray(position[:, nodes].T)
@@ -483,3 +488,57 @@ def _beside_the_simulation(saved: SavedForming) -> dict[str, Any]:
         for entry in dataclasses.fields(saved)
         if entry.name not in _OF_SIMULATION
     }
+
+
+# --- saved frames, and the result file ------------------------------------------------------------
+
+
+def with_present(
+    frames: tuple[Snapshot, ...], simulation: Simulation, scene: Scene, *, last: bool = False
+) -> tuple[Snapshot, ...]:
+    """Append the present if a frame interval of the scene has passed, or if it is the last one."""
+    if frames:
+        waited = simulation.time - frames[-1].time
+        interval = _interval_after(frames[-1].time, scene)
+        if waited <= 0.0 or (not last and waited < interval * (1.0 - TIME_TOLERANCE)):
+            return frames
+    return (*frames, simulation.snapshot())
+
+
+def _interval_after(time: float, scene: Scene) -> float:
+    """Return the time from a frame [s] to the next one of the scene: that of a stage at its end."""
+    if not scene.stages:
+        return scene.process.time / (scene.process.frames - 1)
+    times = scene.frame_times
+    after = np.searchsorted(times, time + TIME_TOLERANCE * scene.process.time)
+    return float(times[min(int(after), len(times) - 1)]) - time
+
+
+def write_result(
+    folder: Path,
+    scene: Scene,
+    simulation: Simulation,
+    frames: tuple[Snapshot, ...],
+    *,
+    failure: str = "",
+) -> Path:
+    """Write ``forming.nc`` as a run does, with the saved frames, and return its path.
+
+    failure : why the last step was undone, if it was.
+    """
+    state = _state_of(scene, simulation, failure)
+    path = folder / "forming.nc"
+    write_forming_netcdf(path, forming_datasets(scene, simulation, frames, state=state))
+    return path
+
+
+def _state_of(scene: Scene, simulation: Simulation, failure: str) -> str:
+    """Return what became of the process, in the words of a run's results."""
+    if failure:
+        return stopped(failure)
+    if simulation.time < scene.process.time * (1.0 - TIME_TOLERANCE):
+        return stopped(
+            f"the master ended the simulation after {1e3 * simulation.time:.4g} of "
+            f"{1e3 * scene.process.time:.4g} ms"
+        )
+    return COMPLETE

@@ -31,8 +31,6 @@ from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.reading.single_tables import is_scene_file, read_infiltration
 
-# --- Build the unit of an infiltration, with the formed part inside -----------------------------
-
 
 @dataclass(frozen=True)
 class InfiltrationUnit:

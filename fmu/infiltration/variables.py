@@ -18,9 +18,6 @@ from lcmchain.fmu.variables import (
     quoted,
 )
 
-# --- The interface of the infiltration unit -----------------------------------------------------
-
-
 # Groups: outputs that are computed together.
 PLACES, SUMS, FIELDS = "places", "sums", "fields"
 

@@ -15,9 +15,9 @@ from lcmchain.fmu.doctor.rules.interface import (
     flag,
     number,
     repeated,
+    rule,
     whole,
 )
-from lcmchain.fmu.doctor.rules.rule import rule
 
 #: Numbers that whole types hold, by the name of the type.
 _RANGES = {
