@@ -29,7 +29,7 @@ def forming_datasets(
     Parameters
     ----------
     snapshots : saved frames, the first of them the start.
-    state : what became of the run (:mod:`lcmchain.results.state`), the global attribute of that
+    state : what became of the run (:mod:`lcmchain.results.folder`), the global attribute of that
         name.
     """
     model = simulation.model

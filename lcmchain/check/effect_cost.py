@@ -12,7 +12,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from lcmchain.model import Model
 from lcmchain.scene import Infiltration, Scene, Structure
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.state import State
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
@@ -235,7 +238,7 @@ def effect_parts(model: Model) -> dict[str, float]:
     }
 
 
-def cost_table(costs: Sequence[EffectCost]) -> Any:
+def cost_table(costs: Sequence[EffectCost]) -> Table:
     """Return the costs as a table for a terminal."""
     from rich.table import Table
 

@@ -25,7 +25,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -35,6 +35,7 @@ from lcmchain.compilation.cache import processor
 from lcmchain.compilation.threads import worthwhile_threads
 from lcmchain.errors import InputError, OutputError
 from lcmchain.interfaces.laws.viscous_film import ViscousFilm
+from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.solver.simulation import VISCOUS_FABRIC
 from lcmchain.tools.distance import PLANE
@@ -208,7 +209,7 @@ def _step_count(
     return math.ceil(model.process_time / model.step_safety * mean)
 
 
-def _steps_per_second(omega2: Any, rate: float) -> Any:
+def _steps_per_second(omega2: np.ndarray | float, rate: float) -> np.ndarray | float:
     """Return 1/Δt of the stable step for ω² [1/s²] and a rate of damping [1/s].
 
     As ``Simulation`` bounds it: ω²Δt²/4 + rate Δt/2 <= 1, for a damping that lags half a step.
@@ -284,7 +285,7 @@ def omega2_over_time(model: Model, shear_angle: float, refinement: float = 1.0) 
     return omega2
 
 
-def _compaction_stiffening(material: Any, stretch: np.ndarray) -> np.ndarray:
+def _compaction_stiffening(material: Material, stretch: np.ndarray) -> np.ndarray:
     """Return the stiffness over the thickness at a stretch (TIMES,), relative to the reference."""
     stretch = np.minimum(stretch, 1.0)
     strain = np.zeros((len(stretch), 6))

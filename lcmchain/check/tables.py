@@ -22,7 +22,7 @@ from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap
 from lcmchain.tools.initial_overlap import OVERLAP_TOLERANCE
-from lcmchain.tools.motion import TurnMotion
+from lcmchain.tools.motion import Motion, TurnMotion
 from lcmchain.tools.surfaces.surface import Orientation
 
 if TYPE_CHECKING:
@@ -291,7 +291,7 @@ def stage_table(scene: Scene) -> list[Table]:
     return [table]
 
 
-def _motion_in_words(name: str, motion: Any) -> str:
+def _motion_in_words(name: str, motion: Motion) -> str:
     if isinstance(motion, TurnMotion):
         return f"{name} {math.degrees(motion.angle):.4g} degrees"
     way = getattr(motion, "distance", None)
