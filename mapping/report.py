@@ -19,7 +19,7 @@ from lcmchain.mapping.fields import (
     covered_areas,
     facing,
 )
-from lcmchain.mapping.formats.report import ExportReport
+from lcmchain.mapping.formats.format import ExportReport
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.surfaces.averages import perpendicular_family_error
