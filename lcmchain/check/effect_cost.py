@@ -1,10 +1,11 @@
 """The effects of a run, each with its reason, and what one costs.
 
-What an effect costs is the part of a step's time that goes when it is taken out of a scene. It is
-measured on the model of a scene itself: formed to a given time, it makes the same steps with the
-effect and without it in turn, in compiled code of its own for each; contact is left out by looking
-for no node near a tool. Parts are kept per machine beside its speed, in the user's cache folder, so
-that a check can tell them at no cost. They do not add up to one: what effects share is nobody's.
+The cost of an effect is the part of a step's time that is saved when the effect is taken out of a
+scene. It is measured on the model of the scene itself. The scene is formed to a given time; then
+the same steps are made with the effect and without it in turn, each in compiled code of its own.
+Contact is left out by searching no node near a tool. The parts are kept per machine beside its
+speed, in the user's cache folder, so that a check can tell them at no cost. They do not add up to
+one, since effects share some of the work.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ REPETITIONS = 25
 CHUNKS = 4
 # Noise may make a part negative; what is kept are parts of a whole.
 BOUNDS = (1e-9, 1.0 - 1e-9)
-# What these change is the number of steps, not what one costs.
+# These change the number of steps, not the cost of one.
 OF_THE_STEP_SIZE = ("mass_scaling", "fibre_modulus")
 CONTACT = "contact"
 

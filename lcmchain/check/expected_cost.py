@@ -7,15 +7,15 @@ the contacts (``Simulation`` adds them up in the same way). Plies that touch add
 resists sliding by its speed, as a viscous film does, has a rate of damping c that shortens the step
 even where nothing is stiff: Δt = 2 s / (√(ω² + c²/4) + c/2).
 
-Of what changes on the way, compaction between parallel plates follows from their motion. How far a
-sheet shears is not known beforehand. It matters where the bound of ω² adds up both families of
-fibres, as the triangles and the cut elements do: with the sheared fibres at cos θ = sin γ to each
-other it grows by 1 + sin γ. The few nodes with the highest ω² of the reference, at corners of the
-outline, are taken not to shear.
+Two things change the step on the way. Compaction between parallel plates follows from their motion.
+How far a sheet shears is not known beforehand. It matters where the bound of ω² adds up both
+families of fibres, as the triangles and the cut elements do: with the sheared fibres at cos θ = sin
+γ to each other it grows by 1 + sin γ. The few nodes with the highest ω² of the reference, at
+corners of the outline, are taken not to shear.
 
-What an element and step take on this machine a small file in the user's cache folder keeps, beside
-the compiled kernels, by processor, threads, kind of element and size of the mesh: the fastest of
-the last runs. Runs of many steps add theirs at the end.
+A small file in the user's cache folder keeps the time per element and step on this machine, by
+processor, threads, kind of element and size of the mesh. The fastest of the last runs counts. Runs
+of many steps add their time at the end.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ ASSUMED_BETWEEN_PLIES = 0.09e-6
 SHARED = 0.76
 # Runs of fewer steps than this say little.
 FEWEST_STEPS = 2000
-# Of so many last runs the fastest counts: other work on the machine only ever adds to the time.
+# Last runs of which the fastest counts: other work on the machine only ever adds to the time.
 KEPT = 5
 FILE = "speed.json"
 

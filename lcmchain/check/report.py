@@ -128,7 +128,7 @@ def _draping_preview(
 ) -> list[tuple[str, str]]:
     """Return what the net says of a scene on any rung; empty where there is nothing to drape.
 
-    Of a stack every ply is draped as if it were alone; what is the same of plies is said once.
+    Every ply of a stack is draped as if it were alone. Rows that plies share are given once.
 
     Raises
     ------

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lcmchain.scene.plies import PlySettings
 
 
-#: What effects take of the time where that is not known.
+#: Parts of the time that effects take, where none is known.
 NO_PARTS: Mapping[str, float] = MappingProxyType({})
 
 

@@ -280,7 +280,8 @@ def require_no_initial_overlap(
 def overlapping(gaps: Sequence[InitialGap], scene: Scene) -> list[InitialGap]:
     """Return the gaps of the tools that reach into the blank deeper than counts as a touch.
 
-    Of a process with stages those of the first one: a run looks at others when they come to work.
+    Where the process has stages, only tools of the first one count. A run looks at the others when
+    they come to work.
     """
     tolerance = OVERLAP_TOLERANCE * scene.stack.least_thickness
     working = {tool.name for tool in scene.tools if _works_first(scene, tool)}

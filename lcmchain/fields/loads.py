@@ -1,15 +1,14 @@
-"""What tools press with, what of it strains the sheet, what grippers take, what stopped a tool.
+"""Forces of tools and grippers, the parts of a tool's force, and what stopped a tool.
 
-The force of a tool along its direction, averaged over a piece of its travel, is its work over the
-length of that piece. The energy balance splits that work exactly: what is stored in or taken by the
-sheet, friction, contact, damping, motion (inertia), the work of the other tools, of weight and of
-supports, and the error of the balance, each over the same length. A quasi-static process has no
-damping and no inertia; their parts are what the force is too high by, as long as they do not change
-the shape.
+The force of a tool along its direction, averaged over a length of its travel, is its work over that
+length. The energy balance splits the work exactly, into the parts of the sheet, friction, contact,
+damping, motion (inertia), the other tools, weight and supports, and the error of the balance. A
+quasi-static process has no damping and no inertia. The force is too high by their parts, as long as
+they do not change the shape.
 
-Elements that are drawn over a radius pass it unevenly
-(:func:`lcmchain.mesh.hexahedron.largest_ripple`). How much the force goes up and down by it around
-its maximum the histories tell.
+Elements that are drawn over a radius pass it unevenly, and the force goes up and down with them
+(:func:`lcmchain.mesh.hexahedron.largest_ripple`). The histories show by how much around its
+maximum.
 """
 
 from __future__ import annotations
@@ -48,8 +47,8 @@ PASSING, PLACES = 4.0, 201
 #: derivative keeps its sign, as where a textile is compacted, both cross three times. Lobes below a
 #: part of the highest one are noise.
 LOBES_WITHOUT_RIPPLE, LEAST_LOBE = 4, 0.1
-#: Of a ripple with two to four periods over its reach the parabola takes up to this part of the
-#: largest distance between both, at its end.
+#: A parabola takes up to this part of a ripple with two to four periods over its reach, relative to
+#: the largest distance between both, at its end.
 TAKEN_UP = 0.7
 
 #: A snap: within this part of the process the force of a tool falls by this part of its largest
@@ -251,11 +250,11 @@ class SmoothCourse(NamedTuple):
 def figure_to_quote(largest: float, course: SmoothCourse, ripple: float) -> tuple[float, float]:
     """Return the force to quote and what the ripple of the mesh leaves of doubt about it [N].
 
-    That is the largest mean as long as the ripple is small. Beyond half of ``LARGEST_RIPPLE`` the
-    largest mean is that of a crest, which every mesh has elsewhere and as high as its elements are
-    long: then it is the smooth course there, which meshes agree on (``lcmchain docs
-    time-integration``). No more than the ripple is taken off, and nothing where the force does not
-    go to and fro: a force that only rises ever faster, or snaps once, has no ripple.
+    The figure is the largest mean as long as the ripple is small. Beyond half of ``LARGEST_RIPPLE``
+    the largest mean is that of a crest, whose place and height depend on the mesh. Then the figure
+    is the smooth course there, on which meshes agree (``lcmchain docs time-integration``). No more
+    than the ripple is taken off, and nothing where the force does not go to and fro: a force that
+    only rises ever faster, or snaps once, has no ripple.
 
     Parameters
     ----------

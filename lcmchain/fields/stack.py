@@ -2,8 +2,8 @@
 
 The root group of a stack's result holds the faces of all plies. A *column* goes through the centre
 of a face along its normal; what other plies it meets there is added up: the thickness, fibre mass
-and fibre volume fraction of the stack. So a ply that ends inside others counts where it is, and the
-fields are known on every ply, whichever lies lowest.
+and fibre volume fraction of the stack. So a ply that ends inside others counts where it is, and
+the fields are known on every ply.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FILMS = "films"
 #: How far a column reaches to either side, in thicknesses of all plies together: plies that have
 #: come off each other by less still count as one stack.
 REACH = 2.0
-#: What a line may miss a face by and still meet it, in parts of the face: faces share their edges.
+#: A line meets a face that it misses by this part of it: faces share their edges.
 RIM = 1e-9
 
 
@@ -62,7 +62,7 @@ def without_films(sheet: xr.Dataset) -> xr.Dataset:
 def ply_sheet(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
     """Return the group of a ply with the names of variables that a result with one sheet has.
 
-    Whatever reads the root group of one sheet reads a ply of a stack so.
+    Code that reads the root group of one sheet can read a ply of a stack by it.
     """
     own, one = UgridMesh(name), UgridMesh("sheet")
     dataset = datasets[f"/{name}"]

@@ -135,7 +135,7 @@ def _stack_mesh(
 ) -> meshio.Mesh:
     """Return all plies as one mesh: ``ply`` is the number of each cell's, 0 the lowest.
 
-    What a ply does not have is not a number; ``element`` counts through all plies.
+    Fields that a ply lacks are not a number there. ``element`` counts through all plies.
     """
     meshes = [_sheet_mesh(groups, frame) for groups in plies]
     kinds = dict.fromkeys(block.type for mesh in meshes for block in mesh.cells)

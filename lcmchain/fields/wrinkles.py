@@ -1,22 +1,21 @@
 """Height of wrinkles, and how many elements their waves have.
 
-The height is how far the mid-surface stands off from a smoothed copy of itself.
+The height is the distance of the mid-surface from a smoothed copy of itself. The smoothed copy is a
+local regression (Cleveland and Devlin, "Locally weighted regression", J. Am. Stat. Assoc. 83,
+1988): at every node a quadratic function of the reference coordinates, fitted to the positions of
+all nodes within the reach, weighted by (1 - (r / reach)²)². It depends on the undeformed mesh
+alone.
 
-The smoothed copy is a local regression (Cleveland and Devlin, "Locally weighted regression",
-J. Am. Stat. Assoc. 83, 1988): at every node a quadratic function of the reference coordinates,
-fitted to the positions of all nodes within the reach, weighted by (1 - (r / reach)²)². It depends
-on the undeformed mesh alone.
-
-What it does is known beforehand. Flat sheets, rigid motions and homogeneous deformations are
+Its errors are known beforehand. Flat sheets, rigid motions and homogeneous deformations are
 reproduced exactly. Waves up to :data:`WAVE_PART` of the reach leave at most 5 % of their height in
 the copy, inside the sheet and, with 11 %, where they run along an edge; waves parallel to a free
 edge are taken for curvature in part: 0.4 to 0.8 of their height is left on the edge and the next
 line of nodes, 0.7 and more farther in. A smooth sphere of radius R is missed by reach⁴ / (360 R³),
 a cylinder by 3/8 of it.
 
-A tool's fillet is sharper than that, and no wrinkle. Therefore a height is at most the clear
-distance to the tool that the sheet has lifted off from, the one below a crest or above a trough:
-a sheet that lies on a tool has the tool's shape.
+The fillet of a tool is sharper than that, but no wrinkle. Therefore a height is at most the clear
+distance to the tool that the sheet has lifted off from, below a crest or above a trough. A sheet
+that lies on a tool has the tool's shape, and no height.
 
 A wave is where the sheet turns back and forth along a fibre.
 """
@@ -293,8 +292,7 @@ def _lines(before: np.ndarray, after: np.ndarray) -> Iterator[np.ndarray]:
 def _turns(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Return the angles [rad] at the inner nodes of a line, positive where it turns upwards.
 
-    Of the turn of a fibre only that out of the plane of the sheet counts, not what shear makes of
-    its way in the plane.
+    Only the turn out of the plane of the sheet counts, not the turn in the plane by shear.
     """
     edges = np.diff(points, axis=0)
     edges /= np.maximum(np.linalg.norm(edges, axis=1), 1e-300)[:, None]

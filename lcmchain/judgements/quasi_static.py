@@ -309,7 +309,7 @@ def _time_for_inertia(ratio: float, scene: Scene, needed: ProcessTime) -> float:
 def _excess_of_damping(part: float) -> float:
     """Return the factor of the process time that brings the work of mass damping to its limit.
 
-    That work grows with the rate of the damping, and falls with the process time.
+    The work of mass damping grows with its rate and falls with the process time.
     """
     return part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
 

@@ -14,7 +14,7 @@
                                           ▼
     forming.nc ─────────────────────────▶ html: report.html, in one file
 
-What draws takes the groups of a result or plain arrays, and knows nothing of the solver.
+Drawing functions take the groups of a result or plain arrays, and know nothing of the solver.
 """
 
 import lazy_loader

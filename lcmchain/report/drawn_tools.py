@@ -90,7 +90,7 @@ class RunTools:
 # --- transparent surfaces -------------------------------------------------------------------------
 
 
-# Of each of the two sides of a tool that a line of sight passes.
+# Of each side of a tool; a line of sight passes two.
 OPACITY = 0.13
 # Cells of the depth buffer over the larger extent of the sheet.
 CELLS = 500

@@ -208,7 +208,7 @@ ENERGIES = (
 def curve_data(history: xr.Dataset) -> dict[str, Any]:
     """Return forces over time and travel, and the energies over time, ready for JSON.
 
-    Of the histories where a result has them, else of the frames.
+    They are those of the histories where a result has them, else those of the frames.
 
     Returns
     -------

@@ -117,7 +117,7 @@ def _draw_field(
 ) -> None:
     """Draw a field on every ply, formed and from above, in the same colours.
 
-    What plies do to each other is drawn where another one lies on the ply.
+    Fields between plies are drawn where another ply lies on the one that is shown.
 
     count : of all plies, where not all are drawn.
     """

@@ -76,7 +76,7 @@ def make_run(
 ) -> Outcome:
     """Run a variant and return what a study keeps of it.
 
-    That a guard stops it, or that no model can be made of it, is an outcome too.
+    A run that a guard stops, or a scene without a model, is an outcome too.
 
     Raises
     ------
@@ -282,7 +282,7 @@ class _Account:
 DURATION = 0.25
 
 
-class Rehearsal(NamedTuple):
+class Beginning(NamedTuple):
     """The beginning of a run.
 
     Parameters
@@ -295,7 +295,7 @@ class Rehearsal(NamedTuple):
     spent: float
 
 
-def rehearse(scene: Scene, threads: int | None, duration: float = DURATION) -> Rehearsal:
+def begin_run(scene: Scene, threads: int | None, duration: float = DURATION) -> Beginning:
     """Make the first steps of a scene on its own mesh.
 
     Coarse pilots tell little of the time that a step takes on a fine mesh: what a step costs beside
@@ -324,4 +324,4 @@ def rehearse(scene: Scene, threads: int | None, duration: float = DURATION) -> R
         count = min(left, STEPS_PER_CHUNK)
         simulation.make_steps(count, step)
         spent, made = time.perf_counter() - start, made + count
-    return Rehearsal(estimate_run(model).step_count * spent / made, spent)
+    return Beginning(estimate_run(model).step_count * spent / made, spent)

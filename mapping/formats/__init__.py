@@ -5,7 +5,8 @@
                                   └▶ preform.py ─▶ rtmsim.py, lcmsim.py: filling
     each format ─▶ its files, and an ExportReport: what it cannot hold, with the worst error
 
-format.py has MappedCells and ExportReport; export.py knows the formats by name. A format is a file with NAME and prepare, and a line there.
+format.py has MappedCells and ExportReport, export.py knows the formats by name. A format is a file
+with NAME and prepare, and a line there.
 bulk_data.py writes the numbers in eight columns that several of them take.
 """
 
