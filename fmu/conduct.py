@@ -1,4 +1,4 @@
-"""How a unit answers its master: what calls end with, messages, refusals, and Ctrl-C."""
+"""How a unit answers its master: status of calls, messages, refusals, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
 
 # --- no exception leaves a unit: a refused call is told and changes nothing -----------------------
 
-# What a call answers that was refused; all others answer that there was an error.
+# Answers of calls that were refused; all others answer that there was an error.
 _ANSWERS: dict[str, Callable[..., Any]] = {
     "get_numbers": lambda references: np.full(len(references), np.nan),
     "get_texts": lambda references: [""] * len(references),

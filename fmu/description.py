@@ -1,4 +1,4 @@
-"""What a unit says of itself: model descriptions of FMI 2.0 and 3.0, terminals, documentation."""
+"""Files that describe a unit: model descriptions of FMI 2.0 and 3.0, terminals, documentation."""
 
 from __future__ import annotations
 

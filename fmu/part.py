@@ -1,4 +1,4 @@
-"""What a unit is, what the physics behind it offer, and their state at a communication point."""
+"""Definition of a unit, the physics behind it, and their state at a communication point."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Part(ABC):
     def advance(self, size: float) -> None:
         """Go on by ``size`` > 0 [s], to ``target``, under the present inputs, all of them finite.
 
-        What is left after an exception is undone by :meth:`reinstate`.
+        After an exception :meth:`reinstate` undoes what was done.
         """
 
     @abstractmethod
@@ -147,7 +147,7 @@ class Unreadable(LcmchainError):
 
 @dataclass(frozen=True)
 class PartState:
-    """What the physics of a unit keep: values that JSON can hold, and arrays by name."""
+    """State of the physics of a unit: values that JSON can hold, and arrays by name."""
 
     values: dict[str, Any] = field(default_factory=dict)
     arrays: dict[str, np.ndarray] = field(default_factory=dict)

@@ -282,10 +282,10 @@ class Unit:
     def refuse(self, reason: str, *, changes: bool) -> None:
         """Say that a call was refused. What should have changed something stops the next step.
 
-        On Linux the text makes the call an error (``library/guard.h``). Elsewhere pythonfmu lets no
-        call but a step end with anything but success or the death of the instance, and masters
-        that do not look at the status are everywhere: they learn with their next step that what it
-        computes with is not what they have set.
+        On Linux the text makes the call an error (``library/guard.h``). Elsewhere pythonfmu can
+        only report success for a call that is no step, or end the instance. Many masters also
+        ignore the status. They learn with their next step, which is discarded, that what they set
+        was refused.
         """
         if changes:
             self._refusals.append(reason)

@@ -28,7 +28,7 @@ ONE_DENSITY = 1e-4
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
 
-# What the error that the mapping adds to a field is called, after the name of the field.
+# Ending of the name of the error that the mapping adds to a field.
 ERROR = "_mapping_error"
 
 # The permeability has one error, that of its tensor.
@@ -200,7 +200,7 @@ def _transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarra
 def _content_areas(weights: MappingWeights) -> np.ndarray:
     """Area of each cell that its areal mass belongs to [m2], shape (C,).
 
-    Of a surface it is what the sheet covers; a solid that the sheet covers in part has its mass
+    For a surface it is what the sheet covers. A solid that the sheet covers in part has its mass
     spread over all of its volume.
     """
     return weights.cell_area if len(weights.solid_thickness) else covered_areas(weights)
@@ -316,7 +316,7 @@ def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limi
 
 
 def _contents(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
-    """What each cell holds of a content per area of the faces, shape (C,); nan where unmapped."""
+    """Content of each cell, from one per area of the faces, shape (C,); nan where unmapped."""
     return np.where(weights.mapped, contents_of_cells(sheet.surface, weights, per_area), np.nan)
 
 

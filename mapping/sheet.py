@@ -169,7 +169,7 @@ def file_sha256(path: Path | str) -> str:
 # Fields that later stages cannot do without: a hole in one of them stops the mapping.
 NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)
 
-# What a forming result says of itself and a mapped one repeats.
+# Attributes of a forming result that a mapped one repeats.
 _PROVENANCE = (
     "title", "history", "source", "institution", "comment", "state",
     "material", "areal_mass_kg_m2", "fibre_density_kg_m3",
@@ -268,8 +268,8 @@ def _face_fields(
 ) -> tuple[dict[str, np.ndarray], dict[str, dict]]:
     """Return values on the faces (F,) and attributes of every field of faces or nodes.
 
-    Of the nodes only scalars are taken, such as the pressure of tools: a displacement or position
-    of the sheet says nothing of the target.
+    Only scalars are taken from nodes, such as the pressure of tools: a displacement or position of
+    the sheet says nothing of the target.
     """
     corners = faces >= 0
     fields, attributes = {}, {}
@@ -421,7 +421,8 @@ def _holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
 
 # --- whether a file is a whole forming result: a mesh, its faces, and fields in SI units ----------
 
-#: What the netCDF libraries raise on a damaged file, when it is opened or when values are read.
+#: Errors that the netCDF libraries raise on a damaged file, when it is opened or when values are
+#: read.
 UNREADABLE = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError)
 
 # Farthest place of a node [m] that squares and products of lengths can be computed with.

@@ -1,7 +1,7 @@
 """A sheet onto a target: the weights between the two, and all fields, of one ply or of several.
 
 The plies of a stack are mapped one by one onto the cells of a surface, and together onto solid
-cells, where they share the thickness. What they are together follows from what each of them is.
+cells, where they share the thickness. Fields of the stack follow from those of its plies.
 """
 
 from __future__ import annotations
@@ -184,10 +184,10 @@ def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mapp
     Every field of a ply has the ply's name before its own, and so have all of its values: a cell
     without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
     volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
-    from a shell along its normal, which tells the order of the plies there. Thickness, areal mass
-    and fibre volume fraction without a name are those of all plies, and the permeability is that
-    of the layers that they make; any other field without a name is that of the ply with the
-    largest share, of several the first.
+    from a shell along its normal, which tells the order of the plies there. Without the name of a
+    ply, thickness, areal mass and fibre volume fraction are those of all plies, and the
+    permeability is that of the layers together. Any other field without such a name is that of the
+    ply with the largest share, the first one where shares are equal.
     """
     names = sheet.ply_names
     shares = _shares(sheet, weights)

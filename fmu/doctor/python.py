@@ -1,4 +1,4 @@
-"""A unit written in Python: what is in it, the Python that will run it, and what it needs of that.
+"""A unit written in Python: its content, the Python that will run it, and what it needs of it.
 
 pythonfmu and pythonfmu3 put the name of the model's module into ``resources/slavemodule.txt``, the
 module beside it, and a copy of their own package.

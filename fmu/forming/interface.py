@@ -11,7 +11,7 @@ from lcmchain.errors import InputError
 from lcmchain.mapping.interface import Interface
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
-#: What a patch holds the sum of; of all else it has the mean by area.
+#: Fields of which a patch has the sum over its elements; of all others it has the mean by area.
 SUMMED = ("volume", "volume_rate", "volume_rate_slope", "area", "area_rate")
 
 

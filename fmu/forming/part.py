@@ -70,7 +70,7 @@ TRAVEL_TOLERANCE = 1e-6
 # Communication points seldom hit the times of the scene's frames exactly.
 TIME_TOLERANCE = 1e-6
 
-# What a simulation keeps itself.
+# Entries of a saved state that the simulation itself keeps.
 _OF_SIMULATION = ("state", "control")
 
 
@@ -361,7 +361,7 @@ class FormingPart(Part):
 
     @property
     def _prefixes(self) -> list[str]:
-        """What the names of the outputs of each body begin with: its ply, in a stack."""
+        """Prefixes of the outputs of each body: the name of its ply in a stack, else empty."""
         bodies = self.simulation.model.bodies
         return [f"{quoted(body.name)}." for body in bodies] if len(bodies) > 1 else [""]
 
@@ -391,7 +391,7 @@ class FormingPart(Part):
         return values
 
     def _stack_outputs(self) -> dict[str, float | np.ndarray]:
-        """What lies over each other, on the elements of all plies in the order of the plies."""
+        """Sums over the plies that lie over each other, on the elements of every ply."""
         position, stage = self.simulation.state.position, self.simulation.model.present_stage
         absent = None if stage is None else stage.absent
         plies = [
@@ -413,7 +413,7 @@ class FormingPart(Part):
         return values
 
     def _between_outputs(self) -> dict[str, float]:
-        """What plies do to each other, as in ``summary.json`` of a run that ends here."""
+        """Contact between plies, as in ``summary.json`` of a run that ends here."""
         model, state = self.simulation.model, self.simulation.state
         prefixes, of_all = self._prefixes, ContactOfFaces()
         each = [ContactOfFaces() for _ in prefixes]

@@ -1,12 +1,12 @@
 """Entries of a scene that a master may set before initialization: parameters of the unit.
 
-The friction of the tools always; further ones where the scene marks them:
+The friction of the tools is always one. A scene marks further ones:
 
     [fmu]
     parameters = ["tools.holder.motion.mass", "process.mass_damping"]
 
-They are entries with one number. What decides the mesh is none of them: fields have as many values
-as the unit was built with.
+A parameter is an entry with one number. Entries that decide the mesh cannot be parameters, since
+fields have as many values as the unit was built with.
 """
 
 from __future__ import annotations

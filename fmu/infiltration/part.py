@@ -63,10 +63,10 @@ from lcmchain.scene.reading.single_tables import read_infiltration
 #: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration.build`.
 PART_FOLDER = "part"
 
-#: What the filling takes where the master moves the volume of its cells.
+#: Fields that the filling takes where the master moves the volume of its cells.
 VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 
-#: Of a gate or vent that the master has shut: it never opens.
+#: Schedule of a gate or vent that the master has shut: it never opens.
 SHUT = Schedule(-2.0, -1.0)
 
 RECORDS = {record.__name__: record for record in (SavedFilling, FillingState, DrySpot)}

@@ -1,11 +1,11 @@
 """Expected cost of a run, from the undeformed sheets and the motion of the tools.
 
-The number of steps is the integral of 1/Δt over the process, Δt = s 2/ω. What ω² consists of is
-known in the reference: the fibre wave across the cells, with the cut ones
+The number of steps is the integral of 1/Δt over the process, Δt = s 2/ω. The parts of ω² are known
+in the reference: the fibre wave across the cells, with the cut ones
 (``Body.reference_frequencies``), the bending of the fibres within the plane, and the stiffness of
-the contacts (``Simulation`` adds them up in the same way). Plies that touch add their springs. What
-resists sliding by its speed, as a viscous film does, has a rate of damping c that shortens the step
-even where nothing is stiff: Δt = 2 s / (√(ω² + c²/4) + c/2).
+the contacts. ``Simulation`` adds them up in the same way. Plies that touch add their springs. An
+interface that resists sliding by its speed, such as a viscous film, has a rate of damping c. It
+shortens the step even where nothing is stiff: Δt = 2 s / (√(ω² + c²/4) + c/2).
 
 Two things change the step on the way. Compaction between parallel plates follows from their motion.
 How far a sheet shears is not known beforehand. It matters where the bound of ω² adds up both

@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
-    Points are the positions of the frame, with the ``displacement`` that led to them and the
-    ``tool_pressure`` and ``wrinkle_height`` on them, and of a stack what other plies do to the face
-    that a point lies on, ``ply_pressure``, ``slip_path`` and so on; vectors have three components.
+    Points are the positions of the frame. They have the ``displacement``, ``tool_pressure`` and
+    ``wrinkle_height``. In a stack they also have the contact with other plies on their face:
+    ``ply_pressure``, ``slip_path`` and so on. Vectors have three components.
+
     Cells are hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D
-    approach; the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number
-    of the ply, 0 the lowest.
+    approach. The cell data ``element`` holds the numbers of the elements, in a stack ``ply`` those
+    of the plies, 0 the lowest.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Where a sheet passes through itself: no contact keeps its faces apart, and nothing else tells.
+"""Where a sheet passes through itself, since without contact nothing keeps its faces apart.
 
-Two signs are looked for in a saved state, between faces and what they do not share a node with: an
-edge that crosses a face, and a node that lies over a face nearer than half the thickness (its sheet
-is then in that face's sheet by half a thickness at least). The second finds lips of a cut that
-slide over each other in one plane, where no edge crosses anything.
+Two signs are searched for in a saved state, between faces and edges or nodes that are not theirs.
+One is an edge that crosses a face. The other is a node that lies over a face nearer than half the
+thickness: its sheet is then in that face's sheet by at least half a thickness. The second sign
+finds the lips of a cut that slide over each other in one plane, where no edge crosses anything.
 """
 
 from __future__ import annotations

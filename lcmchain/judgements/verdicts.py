@@ -1,9 +1,9 @@
 """A verdict on a result for every check: good, doubtful or bad, in words, with what to change.
 
-A check is doubtful where the summary warns of it, since both read the same threshold, and bad
-where the number is :data:`lcmchain.thresholds.BAD` times as large, where a guard would stop a run,
-or as the check itself says. The depth between plies is judged here alone: single nodes at the rim
-of a ply exceed it for a moment, of which a run need not warn.
+A check is doubtful where the summary warns of it: both read the same threshold. It is bad where the
+number is :data:`lcmchain.thresholds.BAD` times as large, where a guard would stop a run, or as the
+check itself says. The depth between plies has a verdict alone: single nodes at the rim of a ply
+exceed it for a moment, of which a run need not warn.
 """
 
 from __future__ import annotations

@@ -342,9 +342,8 @@ def draw_stack_sections(
 ) -> None:
     """Draw cuts through all plies and the tools: to scale, and unrolled along the longest ply.
 
-    Unrolled, the middle of the ply that covers most of the cut is straight, of equal ones the
-    lowest, and all else is as far from it as it is, at every place the nearest way; the thickness
-    is stretched.
+    Unrolled, the middle of one ply is straight: of that which covers most of the cut, the lowest of
+    equal ones. All else keeps its shortest distance from this middle. The thickness is stretched.
 
     Parameters
     ----------

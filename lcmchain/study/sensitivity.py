@@ -2,8 +2,8 @@
 
 Every input is lowered and raised by the same part of its value, the others as they are. The
 elasticity of a result R with respect to an input x, (dR/R)/(dx/x), follows from the two runs by
-the central difference; what the result bends by between them, the second difference, says how far
-it can be believed. An input that lies at a bound is changed to the other side alone.
+the central difference. The second difference, by which the result bends between them, says how far
+the elasticity can be believed. An input at a bound is changed to the other side alone.
 """
 
 from __future__ import annotations

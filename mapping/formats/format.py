@@ -150,7 +150,7 @@ class MappedCells:
 def mapped_cells(mapped: xr.Dataset | MappedFields, target: TargetMesh) -> MappedCells:
     """Gather the fields of the cells from a mapped dataset, or from the fields themselves.
 
-    Of several saved states the last one is taken.
+    The last one of several saved states is taken.
 
     Raises
     ------

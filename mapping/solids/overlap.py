@@ -40,7 +40,7 @@ class Overlaps(NamedTuple):
 
 
 class Slices(NamedTuple):
-    """What of the target's thickness the ply of each overlap takes.
+    """Part of the target's thickness that the ply of each overlap takes.
 
     place : of each corner of the cells in the thickness, 0 below and 1 above, shape (C, 8).
     lower, upper : of each overlap, infinite for the outermost plies, shape (K,).

@@ -52,7 +52,7 @@ class Skin(NamedTuple):
 
 
 class CoveredFaces(NamedTuple):
-    """What of the sheet has target over it.
+    """Part of the sheet that has target over it.
 
     share : of each face's area, shape (F,).
     cut : whether the target ends inside the face's column, shape (F,).

@@ -190,7 +190,7 @@ def _extent(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Heights of the target's lower and upper side on lines through the corners [m], (C, 8).
 
-    Of several walls on a line the one that lies between the corner and the middle of the cell.
+    Where a line meets several walls, the one between the corner and the middle of the cell counts.
     """
     count = len(corner)
     used = np.broadcast_to((whole > 0.0)[:, None], corner.shape) if chosen is None else chosen

@@ -31,7 +31,7 @@ THICKEST = 5.0
 
 
 class _Parts(NamedTuple):
-    """What the columns of the sheet have in common with the target, by cell, then face.
+    """Overlaps of the columns of the sheet with the target, by cell, then face.
 
     volume, centroid : of each overlap [m3], shape (K,), and [m], shape (K, 3).
     height : of its centroid over the face [m], shape (K,).

@@ -1,7 +1,8 @@
 """Which faces a cell takes from, in what shares: by overlap or by the closest place.
 
-Overlaps are found by :mod:`lcmchain.mapping.surfaces.intersection`. Of several layers of the sheet
-over a cell one is chosen, and the shares of the faces' contents are evened out among the cells.
+Overlaps are found by :mod:`lcmchain.mapping.surfaces.intersection`. Where several layers of the
+sheet lie over a cell, one is chosen. The shares of the faces' contents are evened out among the
+cells.
 """
 
 from __future__ import annotations
@@ -266,9 +267,9 @@ def _face_coverage(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Covered share of each face; faces missed; shares of contents; largest correction of these.
 
-    The cells over a face tile it. Only where the target bends more sharply than the sheet, cells on
-    either side of the bend leave or share a wedge of it; the shares are then scaled until they sum
-    to one: no fibre is lost or made.
+    The cells over a face tile it, except where the target bends more sharply than the sheet. There
+    the cells on either side of the bend leave or share a wedge of the face. Their shares are scaled
+    until they sum to one, so that no fibre is lost or made.
     """
     part = found.part
     tiled = np.bincount(found.face, part, minlength=surface.face_count)
