@@ -8,7 +8,6 @@ import os
 import tempfile
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 from lcmchain.compilation.threads import use_threads
 from lcmchain.errors import InputError, LcmchainError
 from lcmchain.fmu.conduct import Messages, Phase
-from lcmchain.fmu.variables import Values, Variable
+from lcmchain.fmu.variables import Outputs, Values, Variable
 
 #: Name of the file of the interface at which fields are exchanged, in the resources of a unit.
 INTERFACE_FILE = "interface.nc"
@@ -98,7 +97,7 @@ class Part(ABC):
         """
 
     @abstractmethod
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the values of the outputs of a group by name, at the present time."""
 
     @abstractmethod

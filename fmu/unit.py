@@ -8,8 +8,7 @@ changes nothing; a step that cannot be done is undone. The adapters (:mod:`lcmch
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from lcmchain.fmu.conduct import (
     take_noted,
 )
 from lcmchain.fmu.part import Part, PartState, SavedState, UnitDefinition
-from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Layout, Values, Variable
+from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Layout, Outputs, Values, Variable
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
@@ -366,16 +365,16 @@ class Unit:
         """Compute the outputs of a group for the present state; 0 before there is one."""
         if group == "status":
             outcome = int(self.outcome)
-            found: Mapping[str, Any] = {"status": outcome, STEP_OUTCOME.name: outcome}
+            outputs: Outputs = {"status": outcome, STEP_OUTCOME.name: outcome}
         elif group == "time":
-            found = {
+            outputs = {
                 "time": (self._start_time or 0.0) + (self.part.present if self._built else 0.0)
             }
         elif self._built:
-            found = self.part.outputs(group)
+            outputs = self.part.outputs(group)
         else:
             return
-        self.values.set_outputs(dict(found))
+        self.values.set_outputs(outputs)
         if group not in ("status", "time"):
             self._stale.discard(group)
 

@@ -53,7 +53,7 @@ from lcmchain.fmu.part import (
     named_arrays,
     require_writable,
 )
-from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.model import build_model
 from lcmchain.results import COMPLETE, stopped
@@ -301,9 +301,9 @@ class FormingPart(Part):
 
     # --- outputs ----------------------------------------------------------------------------------
 
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the outputs of a group by name."""
-        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
+        compute: dict[str, Callable[[], Outputs]] = {
             TOOLS: self._tool_outputs,
             ENERGY: self._energy_outputs,
             FIELDS: self._field_outputs,

@@ -54,7 +54,7 @@ from lcmchain.fmu.part import (
     named_arrays,
     require_writable,
 )
-from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.scene import read_scene
 from lcmchain.scene.infiltration import Infiltration
@@ -289,9 +289,9 @@ class InfiltrationPart(Part):
 
     # --- outputs ----------------------------------------------------------------------------------
 
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the outputs of a group by name."""
-        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
+        compute: dict[str, Callable[[], Outputs]] = {
             PLACES: self._place_outputs, SUMS: self._sums, FIELDS: self._fields,
         }  # fmt: skip
         return compute[group]()

@@ -93,27 +93,24 @@ def compute_solid_weights(
     parts = _parts(found, columns, covered.share, stack.part)
 
     volume = np.bincount(parts.cell, weights=parts.volume, minlength=target.cell_count)
-    alone = np.flatnonzero(volume == 0.0)
-    closest = closest_points(sheet.surface, target.centroids[alone], maximum_distance)
-    near, near_face = alone[closest.face >= 0], closest.face[closest.face >= 0]
-    cell = np.concatenate([parts.cell, near])
-    face = np.concatenate([parts.face, near_face])
-    average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(near))])
-    content = np.concatenate([parts.content, np.zeros(len(near))])
-    feet = sheet.surface.in_frames(near_face, closest.foot[closest.face >= 0])
+    beside = _beside(sheet.surface, target, volume, maximum_distance)
+    cell = np.concatenate([parts.cell, beside.cell])
+    face = np.concatenate([parts.face, beside.face])
+    average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(beside.cell))])
+    content = np.concatenate([parts.content, np.zeros(len(beside.cell))])
     places = _places(sheet.surface, columns, parts, covered.share)
-    place = np.concatenate([places, feet])
+    place = np.concatenate([places, beside.place])
     rows = np.lexsort((face, cell))
 
     distance = _distance(parts, target.cell_count)
-    distance[near] = closest.distance[closest.face >= 0]
+    distance[beside.cell] = beside.distance
     formed = stack.thickness.copy()
-    formed[near] = face_thickness[near_face]
+    formed[beside.cell] = face_thickness[beside.face]
     solid = _solid_thickness(parts, formed, target.cell_count)
-    half = _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
     status = np.full(target.cell_count, Status.UNMAPPED, dtype=np.int8)
-    status[near] = Status.EXTRAPOLATED
+    status[beside.cell] = Status.EXTRAPOLATED
     status[volume > 0.0] = Status.EXTRAPOLATED
+    half = _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
     whole = coverage >= COVERED
     status[whole] = Status.PROJECTED
     status[whole & (distance <= half)] = Status.INSIDE
@@ -143,6 +140,34 @@ def compute_solid_weights(
         formed_thickness=formed,
         ply_coverage=by_ply if sheet.is_stack else np.zeros((0, 0)),
     )
+
+
+class _Beside(NamedTuple):
+    """Cells without an overlap, and the closest place of the sheet.
+
+    cell, face : numbers, shape (K,). place : on the face, in its frame [m], shape (K, 2).
+    distance : [m], shape (K,).
+    """
+
+    cell: np.ndarray
+    face: np.ndarray
+    place: np.ndarray
+    distance: np.ndarray
+
+
+def _beside(
+    surface: Surface, target: TargetMesh, volume: np.ndarray, maximum_distance: float
+) -> _Beside:
+    """Return the cells without an overlap that lie within a distance [m] of the sheet.
+
+    volume : that each cell has in common with the sheet [m3], shape (C,).
+    """
+    alone = np.flatnonzero(volume == 0.0)
+    closest = closest_points(surface, target.centroids[alone], maximum_distance)
+    near = closest.face >= 0
+    face = closest.face[near]
+    place = surface.in_frames(face, closest.foot[near])
+    return _Beside(alone[near], face, place, closest.distance[near])
 
 
 def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
