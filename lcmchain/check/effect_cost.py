@@ -45,23 +45,23 @@ def run_effects(scene: Scene, model: Model) -> list[Effect]:
 
 def later_stages(scene: Scene) -> list[Effect]:
     """Return the stages of a scene that follow forming, as effects."""
-    found = [
+    effects = [
         Effect(
             f"mapping to {target.name}", True, f"{target.kind} mesh {target.mesh}, {target.method}"
         )
         for target in scene.mapping
     ]
-    if not found:
-        found.append(Effect("mapping", False, "no [[mapping]] entry"))
-    found += [
+    if not effects:
+        effects.append(Effect("mapping", False, "no [[mapping]] entry"))
+    effects += [
         Effect(f"structural analysis of {target.name}", True, _structure_text(target.structure))
         for target in scene.mapping
         if target.structure is not None
     ]
     for name, (case, _) in scene.infiltrations.items():
-        found.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
+        effects.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
     law = scene.permeability.law if scene.permeability else "no [permeability] entry"
-    return [*found, Effect("permeability", scene.permeability is not None, law)]
+    return [*effects, Effect("permeability", scene.permeability is not None, law)]
 
 
 def _infiltration_text(case: Infiltration) -> str:
@@ -108,10 +108,10 @@ CONTACT = "contact"
 
 def measurable_effects(scene: Scene) -> list[Switchable]:
     """Return the effects of a scene whose part of a step can be measured."""
-    found = [one for one in switchable_effects(scene) if one.name not in OF_THE_STEP_SIZE]
-    if scene.tools and CONTACT not in [one.name for one in found]:
-        found.append(Switchable(CONTACT, "on", switches()[CONTACT].entry))
-    return found
+    effects = [one for one in switchable_effects(scene) if one.name not in OF_THE_STEP_SIZE]
+    if scene.tools and CONTACT not in [one.name for one in effects]:
+        effects.append(Switchable(CONTACT, "on", switches()[CONTACT].entry))
+    return effects
 
 
 class EffectCost(NamedTuple):
@@ -158,7 +158,7 @@ def _measured(scene: Scene, effects: Sequence[Switchable], at: float) -> list[Ef
     plain = Simulation.from_scene(scene)
     plain.advance_to(at * scene.process.time)
     start, step = plain.state.copy(), plain.prepare_steps()
-    found = []
+    costs = []
     for effect in effects:
         if effect.name == CONTACT:
             other = Runner(Simulation(plain.model), start, searches=False)
@@ -169,8 +169,8 @@ def _measured(scene: Scene, effects: Sequence[Switchable], at: float) -> list[Ef
         least = _least_times((Runner(plain, start), other), step)
         if effect.state == "off":
             least = least[::-1]
-        found.append(EffectCost(effect, *least))
-    return found
+        costs.append(EffectCost(effect, *least))
+    return costs
 
 
 def _taken_over(model: Model, state: State) -> State:

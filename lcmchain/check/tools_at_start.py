@@ -239,8 +239,8 @@ def _initial_gap(
         def distance(points: np.ndarray) -> np.ndarray:
             return exact(in_frame_of(tool, axes, points), in_field(points), spacing)
 
-    found = [smallest_gap(distance, blank, vertices, offset) for blank, offset in sheets]
-    gap, place = min(found, key=lambda least: least[0])
+    least_gaps = [smallest_gap(distance, blank, vertices, offset) for blank, offset in sheets]
+    gap, place = min(least_gaps, key=lambda least: least[0])
     at_nodes = min(
         float(in_field(blank.mid_surface_positions if offset else blank.node_positions).min())
         - offset

@@ -95,14 +95,14 @@ class BetweenPlies:
 
     def fields(self, side: str, nodes: slice) -> dict[str, Described]:
         """Return values (F, n) and attributes of every variable of one face of the ply."""
-        found: dict[str, Described] = {}
+        variables: dict[str, Described] = {}
         area = self.area[:, nodes]
         for stem, row in (_STRESSES | _LENGTHS).items():
             field = FIELDS[f"{stem}_{side}"]
             for number, variable in enumerate(field.variables):
                 values = self.rows[:, row + number, nodes]
                 values = values / area if stem in _STRESSES else np.ascontiguousarray(values)
-                found[variable] = values, field.attributes(variable)
+                variables[variable] = values, field.attributes(variable)
         states = {"apart": APART, "sticks": STICKS, "slides": SLIDES}
         numbers = {NO_PLY: NONE} | {name: number for number, name in enumerate(self.plies)}
         for stem, row, flags in (("ply_contact", CONTACT, states), ("faced_ply", FACED, numbers)):
@@ -110,5 +110,5 @@ class BetweenPlies:
             attributes: dict[str, Any] = FIELDS[name].attributes(name)
             attributes["flag_values"] = np.array(list(flags.values()), dtype=np.int32)
             attributes["flag_meanings"] = " ".join(flags)
-            found[name] = self.rows[:, row, nodes].astype(np.int32), attributes
-        return found
+            variables[name] = self.rows[:, row, nodes].astype(np.int32), attributes
+        return variables

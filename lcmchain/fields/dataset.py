@@ -157,38 +157,38 @@ class SheetFrames:
         """Return values (F, element_count) and attributes of every face field."""
         values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
         values |= self.wrinkle_risk
-        found: dict[str, Described] = {
+        variables: dict[str, Described] = {
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()
         }
         angles = fibre_angles(self.material)
         if angles != TWO_ALONG_THE_AXES and tells_fibres(self.material):
             for name in FIELDS["fibre_direction_1"].variables:
-                found[name][1][FROM_PLY_AXIS] = float(angles[0])
+                variables[name][1][FROM_PLY_AXIS] = float(angles[0])
         if getattr(self.material, "buckles", False):
             for number in range(1, len(angles) + 1):
-                found[f"fibre_strain_{number}"][1][BUCKLES] = 1
+                variables[f"fibre_strain_{number}"][1][BUCKLES] = 1
         # of a sheet without forces nothing is remembered, whatever its law
         for entry, value in zip(remembered(self.material.law), np.moveaxis(self.history, 1, 0)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
-            found[entry.name] = (np.ascontiguousarray(value), attributes)
-        return found
+            variables[entry.name] = (np.ascontiguousarray(value), attributes)
+        return variables
 
     def node_fields(self) -> dict[str, Described]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
-        found = {}
+        variables = {}
         if self.wrinkle_height is not None:
             attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
             attributes[WRINKLE_LENGTH] = self.wrinkle_length
-            found["wrinkle_height"] = self.wrinkle_height, attributes
+            variables["wrinkle_height"] = self.wrinkle_height, attributes
         for side, nodes in self.mesh.sides().items():
             if self.tool_pressure is not None:
                 name = f"tool_pressure_{side}" if side else "tool_pressure"
                 values = np.ascontiguousarray(self.tool_pressure[:, nodes])
-                found[name] = (values, FIELDS[name].attributes(name))
+                variables[name] = (values, FIELDS[name].attributes(name))
             if self.between_plies is not None:
-                found |= self.between_plies.fields(side, nodes)
-        return found
+                variables |= self.between_plies.fields(side, nodes)
+        return variables
 
 
 def build_datasets(
@@ -429,7 +429,7 @@ def _through_stack(
         )
         for sheet, own, is_there in zip(sheets, fields, there, strict=True)
     ]
-    found = []
+    of_plies = []
     for columns in columns_of(plies):
         values = {
             "stack_thickness": columns.thickness,
@@ -437,14 +437,14 @@ def _through_stack(
             "stack_fibre_volume_fraction": columns.fibre_volume_fraction,
             "stack_ply_count": columns.ply_count.astype(float),
         }
-        found.append(
+        of_plies.append(
             {
                 name: (value, FIELDS[name].attributes(name))
                 for name, value in values.items()
                 if value is not None
             }
         )
-    return found
+    return of_plies
 
 
 def _joined(fields: Sequence[dict[str, Described]], counts: Sequence[int]) -> dict[str, Described]:

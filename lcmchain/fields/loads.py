@@ -298,9 +298,9 @@ def smooth_force(way: np.ndarray, force: np.ndarray, top: int, edge: float) -> S
     places = np.append(-behind[:0:-1], ahead)
     forces = force[top - len(behind) + 1 : top + len(ahead)]
     x = np.linspace(first, last, PLACES)
-    found = np.interp(x, places, forces)
-    course = np.polynomial.Polynomial.fit(x, found, 2)
-    beside = found - course(x)
+    sampled = np.interp(x, places, forces)
+    course = np.polynomial.Polynomial.fit(x, sampled, 2)
+    beside = sampled - course(x)
     distance = float(np.abs(beside).max())
     sides = np.sign(beside)[np.abs(beside) > LEAST_LOBE * distance]
     lobes = 1 + int(np.count_nonzero(np.diff(sides))) if sides.size else 0
@@ -329,7 +329,7 @@ def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
     kinetic = np.append(0.0, history["history_energy_kinetic"].values)
     speed = np.append(0.0, np.diff(travel) / np.diff(time))
     first = np.searchsorted(time, time - window)  # the sample at the start of the window
-    found: list[dict[str, float]] = []
+    events: list[dict[str, float]] = []
     last_seen = -np.inf
     for sample in range(1, len(time)):
         before = slice(int(first[sample]), sample)
@@ -346,16 +346,16 @@ def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
         if kinetic[sample] < (1.0 + SNAP_GAIN) * faster * kinetic[slowest]:
             continue
         if time[start] > last_seen:  # else the same one goes on
-            found.append(
+            events.append(
                 {
                     "time_s": float(time[start]),
                     "travel_m": float(travel[start]),
                     "force_drop_N": drop,
                 }
             )
-        found[-1]["force_drop_N"] = max(found[-1]["force_drop_N"], drop)
+        events[-1]["force_drop_N"] = max(events[-1]["force_drop_N"], drop)
         last_seen = time[sample]
-    return found
+    return events
 
 
 def snaps_text(snaps: Sequence[Mapping[str, float]]) -> str:
@@ -470,15 +470,15 @@ def tool_stops(model: Model, state: State) -> dict[str, Any]:
     ``tool_stops``: by the name of the tool a list, in which each entry has ``time_s`` and
     ``travel_m``, when and where it was stopped first, and in a process with stages the ``stage``.
     """
-    found: dict[str, list[dict[str, Any]]] = {}
+    stops: dict[str, list[dict[str, Any]]] = {}
     for tool, name in enumerate(model.tool_names):
         for number, stopped in enumerate(state.tool_stopped[tool]):
             if np.isfinite(stopped[STOPPED_TIME]):
                 entry: dict[str, Any] = {"stage": model.stages[number].name} if model.stages else {}
                 entry["time_s"] = float(stopped[STOPPED_TIME])
                 entry["travel_m"] = float(stopped[STOPPED_TRAVEL])
-                found.setdefault(name, []).append(entry)
-    return {"tool_stops": found} if found else {}
+                stops.setdefault(name, []).append(entry)
+    return {"tool_stops": stops} if stops else {}
 
 
 def stop_warnings(model: Model, state: State) -> Iterator[str]:

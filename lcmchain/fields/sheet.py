@@ -43,12 +43,12 @@ def fibre_strains(sheet: xr.Dataset) -> np.ndarray:
 
     It is nan where a ply has fewer families, and 0 for the compression of fibres that buckle.
     """
-    found = []
+    strains = []
     for k in families_of(sheet):
         strain = sheet[f"fibre_strain_{k}"]
         buckles = strain.attrs.get(BUCKLES, 0)
-        found.append(np.maximum(strain.values, 0.0) if buckles else np.abs(strain.values))
-    return np.stack(found)
+        strains.append(np.maximum(strain.values, 0.0) if buckles else np.abs(strain.values))
+    return np.stack(strains)
 
 
 def _along_first_edges(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:

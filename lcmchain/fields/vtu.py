@@ -201,7 +201,7 @@ def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
 
 def _between_plies(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
     """Return what other plies do to the nodes of the solid: lower ones first, then upper ones."""
-    found = {}
+    fields = {}
     for top in (name for name in BETWEEN_PLIES if name.endswith("_top")):
         stem = top.removesuffix("_top")
         sides = [f"{stem}_{side}" for side in ("bottom", "top")]
@@ -211,8 +211,8 @@ def _between_plies(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
             values = [vector(sheet, name, frame) for name in sides]
         else:
             values = [sheet[name].values[frame] for name in sides]
-        found[stem] = np.concatenate(values)
-    return found
+        fields[stem] = np.concatenate(values)
+    return fields
 
 
 def _solid_blocks(solid: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -275,8 +275,8 @@ def elements_in_waves(points: np.ndarray, faces: np.ndarray, lines: FibreLines) 
         for side in range(4):
             start, end = faces[:, side], faces[:, (side + 1) % 4]
             for one, other in ((start, end), (end, start)):
-                found = np.where(after[one] == other, of_edge[one], np.inf)
-                shortest = np.minimum(shortest, found)
+                beside = np.where(after[one] == other, of_edge[one], np.inf)
+                shortest = np.minimum(shortest, beside)
     return shortest
 
 
@@ -309,12 +309,14 @@ def half_waves(turns: np.ndarray) -> list[tuple[float, float]]:
     ends = np.flatnonzero(np.diff(np.sign(turns)) != 0)
     pieces = np.split(np.arange(len(turns)), ends + 1)
     notable = [p for p in pieces if len(p) and abs(turns[p].sum()) >= LEAST_TURN]
-    found = []
+    inflections = []
     for before, piece, after in zip(notable, notable[1:], notable[2:]):
         sign = np.sign(turns[piece[0]])
         if sign != np.sign(turns[before[0]]) and sign != np.sign(turns[after[0]]):
-            found.append((_inflection(turns, before, piece), _inflection(turns, piece, after)))
-    return found
+            inflections.append(
+                (_inflection(turns, before, piece), _inflection(turns, piece, after))
+            )
+    return inflections
 
 
 def _inflection(turns: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:

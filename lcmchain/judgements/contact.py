@@ -94,14 +94,14 @@ def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, 
     bodies = [body for body in model.bodies if body.mesh.has_thickness]
     if len(tools) < 2 or not bodies:
         return {}
-    force, found = 0.0, {}
+    force, largest = 0.0, {}
     for snapshot in snapshots:
         depth = _depths(model, tools, snapshot)
         for body in bodies:
             pressed, measures = _of_body(body, snapshot.position, depth)
             if pressed > force:
-                force, found = pressed, measures
-    return found
+                force, largest = pressed, measures
+    return largest
 
 
 def _depths(model: Model, tools: Sequence[int], snapshot: Snapshot) -> np.ndarray:

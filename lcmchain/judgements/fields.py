@@ -53,9 +53,9 @@ LEAST_FACTOR = 0.01
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
     """Say in words what the model cannot tell, and where the fields leave its range."""
-    found = [] if "thickness" in sheet else [NO_THICKNESS]
+    missing = [] if "thickness" in sheet else [NO_THICKNESS]
     return [
-        *found,
+        *missing,
         *packing_warnings(sheet, material),
         *shear_range_warnings(sheet, material),
         *compaction_range_warnings(sheet, material),
@@ -71,7 +71,7 @@ def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
     ----------
     sheet : root group of ``forming.nc``. scene : of the run.
     """
-    found = [
+    verdicts = [
         *_waves(sheet),
         *_wrinkle_risk(sheet),
         *fibre_strain_verdict(sheet, scene),
@@ -79,7 +79,7 @@ def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
         *_fibre_volume(sheet),
     ]
     own_words = scene.stack.in_own_words
-    return [verdict._replace(remedy_key=own_words(verdict.remedy_key)) for verdict in found]
+    return [verdict._replace(remedy_key=own_words(verdict.remedy_key)) for verdict in verdicts]
 
 
 # --- wrinkles -------------------------------------------------------------------------------------
@@ -87,32 +87,32 @@ def field_verdicts(sheet: xr.Dataset, scene: Scene) -> list[Verdict]:
 
 def wave_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
     """Say where waves of a frame have too few elements."""
-    found = elements_per_wave(sheet, frame)
-    part = _area_where(sheet, found < LEAST_ELEMENTS_PER_WAVE)
+    elements = elements_per_wave(sheet, frame)
+    part = _area_where(sheet, elements < LEAST_ELEMENTS_PER_WAVE)
     if part == 0.0:
         return []
-    place = millimetres(face_centres(sheet, formed=True)[int(np.argmin(found))], 1)
+    place = millimetres(face_centres(sheet, formed=True)[int(np.argmin(elements))], 1)
     return [
-        f"waves are unresolved: down to {found.min():.1f} elements per wavelength, at {place}, and "
-        f"fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the area, so that their height and "
-        "length are those of the mesh; use a smaller blank.edge_length"
+        f"waves are unresolved: down to {elements.min():.1f} elements per wavelength, at {place}, "
+        f"and fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the area, so that their height "
+        "and length are those of the mesh; use a smaller blank.edge_length"
     ]
 
 
 def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
     if "wrinkle_height" not in sheet:  # a model that predicts no wrinkles
         return
-    found = elements_per_wave(sheet)
-    if not np.isfinite(found).any():
+    elements = elements_per_wave(sheet)
+    if not np.isfinite(elements).any():
         yield Verdict("Resolution of wrinkles", GOOD, "the sheet has no waves")
         return
     few, none = (
-        _area_where(sheet, found < count)
+        _area_where(sheet, elements < count)
         for count in (LEAST_ELEMENTS_PER_WAVE, 0.5 * LEAST_ELEMENTS_PER_WAVE)
     )
     grade = BAD_GRADE if none > LOCAL_AREA else DOUBTFUL if few else GOOD
     text = (
-        f"the shortest wave has {found.min():.1f} elements; {_area(few)} lies in waves of fewer "
+        f"the shortest wave has {elements.min():.1f} elements; {_area(few)} lies in waves of fewer "
         f"than {LEAST_ELEMENTS_PER_WAVE}"
     )
     remedy = "blank.edge_length" if grade != GOOD else ""
@@ -262,13 +262,13 @@ def _shear_of(
     membrane : scene entry of the law in the plane.
     """
     angle = np.where(faces, np.abs(sheet["shear_angle"].values), np.nan)
-    found = f"sheared by up to {np.degrees(np.nanmax(angle)):.1f} deg"
+    words = f"sheared by up to {np.degrees(np.nanmax(angle)):.1f} deg"
     tested, locking = (
         getattr(getattr(material, "membrane", None), name, None)
         for name in ("shear_range", "locking_angle")
     )
     if tested is None and locking is None:
-        text = f"{found}; the scene does not say up to which angle the shear law was measured"
+        text = f"{words}; the scene does not say up to which angle the shear law was measured"
         return Verdict(check, NOT_JUDGED, text, f"{membrane}.shear_range")
     grade = GOOD
     for limit, meaning in (
@@ -278,9 +278,9 @@ def _shear_of(
         if limit is not None:
             part = _area_over(sheet, angle, limit)
             grade = max(grade, grade_of(part, 0.0, LOCAL_AREA), key=GRADES.index)
-            found += f"; {_area(part)} beyond {np.degrees(limit):.3g} deg, {meaning}"
+            words += f"; {_area(part)} beyond {np.degrees(limit):.3g} deg, {meaning}"
     remedy = f"{membrane}.shear_range, {membrane}.locking_angle, tools.motion"
-    return Verdict(check, grade, found, remedy if grade != GOOD else "")
+    return Verdict(check, grade, words, remedy if grade != GOOD else "")
 
 
 # --- thickness and packing ------------------------------------------------------------------------

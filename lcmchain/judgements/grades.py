@@ -24,9 +24,9 @@ class Verdict(NamedTuple):
     remedy_key: str = ""
 
 
-def worst_grade(found: list[Verdict]) -> str:
+def worst_grade(verdicts: list[Verdict]) -> str:
     """Return the worst of the grades."""
-    return max((verdict.grade for verdict in found), key=GRADES.index, default=NOT_JUDGED)
+    return max((verdict.grade for verdict in verdicts), key=GRADES.index, default=NOT_JUDGED)
 
 
 def share(

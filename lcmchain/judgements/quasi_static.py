@@ -108,7 +108,7 @@ def process_time_needed(model: Model) -> ProcessTime:
 
 def _holder_periods(model: Model) -> dict[str, float]:
     """Return 2π sqrt(m/k), k from the thickness stiffness of all sheets, one on the other."""
-    found = {}
+    periods = {}
     stiffness = 1.0 / sum(
         body.material.thickness
         / (body.material.wave_stiffness()[1] * float(np.sum(body.mesh.element_areas)))
@@ -117,8 +117,8 @@ def _holder_periods(model: Model) -> dict[str, float]:
     for tool, name in enumerate(model.tool_names):
         if model.tools.motion_kind[tool] == GUIDED:
             mass = float(model.tools.mass[tool])
-            found[name] = 2.0 * math.pi * math.sqrt(mass / stiffness)
-    return found
+            periods[name] = 2.0 * math.pi * math.sqrt(mass / stiffness)
+    return periods
 
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
@@ -503,16 +503,16 @@ def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
 
     loads : of every tool, see :func:`lcmchain.fields.loads.tool_loads`.
     """
-    found: list[str] = []
+    warnings: list[str] = []
     for name in led_tools(scene):
         if snaps := loads.get(name, {}).get("snaps"):
             slower = slower_process(scene, 2.0 * scene.process.time)
-            found.append(
+            warnings.append(
                 f"the sheet snaps under {name}: {snaps_text(snaps)}, and the sheet gives off what "
                 "it had stored; what it does from there on may depend on pace and mesh, which "
                 f"{slower} and a smaller blank.edge_length show"
             )
-    return found
+    return warnings
 
 
 def snap_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:

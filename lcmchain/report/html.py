@@ -122,15 +122,15 @@ def _content(
     summary: Mapping[str, Any],
 ) -> dict[str, Any]:
     sheet, history = datasets[SHEET], datasets[HISTORY]
-    found = verdicts(summary, scene, datasets)
-    counts = {grade: sum(v.grade == grade for v in found) for grade in reversed(GRADES)}
+    checks = verdicts(summary, scene, datasets)
+    counts = {grade: sum(v.grade == grade for v in checks) for grade in reversed(GRADES)}
     return {
         "title": scene.title,
         "version": __version__,
         "state": summary.get("state", COMPLETE),
-        "worst": worst_grade(found),
+        "worst": worst_grade(checks),
         "counts": {grade: count for grade, count in counts.items() if count},
-        "verdicts": found,
+        "verdicts": checks,
         "numbers": [*key_numbers(summary), *ply_numbers(summary)],
         "loads": [
             (what, *table)
@@ -446,7 +446,7 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
     margin = np.array(MARGIN) * float(max(high - low))
     box = np.array([low - margin, high + margin])
     surfaces = [tool_surface(tool, scene.source.directory, box) for tool in scene.tools]
-    found: list[dict[str, Any]] = []
+    tools: list[dict[str, Any]] = []
     places = tool_places(history)
     for index in _shown(surfaces):
         points, triangles = surfaces[index]
@@ -455,7 +455,7 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
         if not any(works):
             continue
         rotations, shifts = _places(tool, places[:, index])
-        found.append(
+        tools.append(
             {
                 "index": index,
                 "name": tool.name,
@@ -466,8 +466,8 @@ def tool_data(scene: Scene, sheet: xr.Dataset, history: xr.Dataset) -> list[dict
             }
         )
         if rotations is not None:
-            found[-1]["turn"] = np.round(rotations.reshape(-1, 9), 6).tolist()
-    return found
+            tools[-1]["turn"] = np.round(rotations.reshape(-1, 9), 6).tolist()
+    return tools
 
 
 def _places(tool: Tool, travels: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:

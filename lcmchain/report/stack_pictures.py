@@ -405,11 +405,11 @@ def _draw_unrolled(
     """Draw all plies over the length of the one that the plane cuts farthest."""
     from matplotlib.collections import PolyCollection
 
-    found = _base_of(plane, plies)
-    if found is None:
+    longest = _base_of(plane, plies)
+    if longest is None:
         axis.text(0.5, 0.5, "the plane misses the stack", transform=axis.transAxes, ha="center")
         return
-    name, base, line = found
+    name, base, line = longest
     thickness = float(np.linalg.norm(base[1] - base[0], axis=1).max())
     low, high = 0.0, 0.0
     for number, (_, strips) in enumerate(plies):
@@ -440,13 +440,13 @@ def _base_of(
 
     A patch tells nothing of the rest; of plies that are as long as each other the lowest is taken.
     """
-    found: tuple[str, Strip, _Line] | None = None
+    longest: tuple[str, Strip, _Line] | None = None
     for name, strips in plies:
         for strip in strips:
             line = _Line(plane.flat(0.5 * (strip[0] + strip[1])))
-            if found is None or line.length > (1.0 + AS_LONG) * found[2].length:
-                found = name, strip, line
-    return found
+            if longest is None or line.length > (1.0 + AS_LONG) * longest[2].length:
+                longest = name, strip, line
+    return longest
 
 
 def _draw_unrolled_tools(

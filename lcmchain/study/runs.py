@@ -127,15 +127,15 @@ class Study:
             raise InputError(f'two settings of the study have the name "{twice}"')
         jobs = {variant.name: self.source.job(variant) for variant in variants}
         prints = {name: job.fingerprint for name, job in jobs.items()}
-        found = {name: read_outcome(self._file(name), prints[name]) for name in names}
-        missing = [variant for variant in variants if found[variant.name] is None]
+        outcomes = {name: read_outcome(self._file(name), prints[name]) for name in names}
+        missing = [variant for variant in variants if outcomes[variant.name] is None]
         account = _Account({v.name: expected_work(jobs[v.name].scene) for v in missing}, progress)
         makers = self._on_cluster if self.workers.is_cluster and missing else self._here
         for name, outcome in makers(account.in_good_order(missing), account):
             write_outcome(self._file(name), outcome, prints[name])
             account.complete(name)
-            found[name] = outcome
-        return {name: outcome for name, outcome in found.items() if outcome is not None}
+            outcomes[name] = outcome
+        return {name: outcome for name, outcome in outcomes.items() if outcome is not None}
 
     def outcome(self, variant: Variant, progress: Progress | None = None) -> Outcome:
         """Return the outcome of one variant."""

@@ -73,8 +73,8 @@ class Sensitivity:
 
     def of(self, result: str) -> list[Dependence]:
         """Return the dependences of a result, the strongest first."""
-        found = [d for d in self.dependences if d.result == result]
-        known = [d for d in found if math.isfinite(d.elasticity)]
+        dependences = [d for d in self.dependences if d.result == result]
+        known = [d for d in dependences if math.isfinite(d.elasticity)]
         return sorted(known, key=lambda d: -abs(d.elasticity))
 
 
@@ -84,14 +84,14 @@ def default_inputs(scene: Scene) -> dict[str, str]:
     They are those of the materials, presets included, and the friction; zeros are left out, which
     no part of their value changes, and the friction of tools that take ``contact.friction``.
     """
-    found = {}
+    inputs = {}
     for key, text in (*scene.source.given, *scene.source.defaulted):
         of_tool = key.startswith("tools.") and key.endswith(".friction") and not _COPY.search(text)
         if (of_tool or key.startswith(TABLES)) and _is_numeric(scene, key):
             value = _plain(text)
             if _can_be_scaled(value):
-                found[key] = value
-    return found
+                inputs[key] = value
+    return inputs
 
 
 def _plain(text: str) -> str:
@@ -250,24 +250,24 @@ def _dependence(
     return Dependence(key, result, elasticity, bend / first if first > 0.0 else 0.0)
 
 
-def sensitivity_table(found: Sensitivity) -> Table:
+def sensitivity_table(sensitivity: Sensitivity) -> Table:
     """Return a table for the terminal: what 1 % more of an input changes of each result."""
-    shown = [r for r in RESULTS if found.of(r.name)]
+    shown = [r for r in RESULTS if sensitivity.of(r.name)]
     table = plain_table(
-        f"Elasticities: {found.title}",
+        f"Elasticities: {sensitivity.title}",
         "input", *(result.short for result in shown),
         caption="percent that a result changes by when the input grows by one percent; ~ bends by "
         "more than half\nof that between the two runs",
     )  # fmt: skip
-    by_pair = {(d.key, d.result): d for d in found.dependences}
+    by_pair = {(d.key, d.result): d for d in sensitivity.dependences}
     strength = {
         key: max(
             (abs(by_pair[key, r.name].elasticity) for r in shown
              if math.isfinite(by_pair[key, r.name].elasticity)), default=0.0,
         )
-        for key in found.value
+        for key in sensitivity.value
     }  # fmt: skip
-    for key in sorted(found.value, key=lambda k: -strength[k]):
+    for key in sorted(sensitivity.value, key=lambda k: -strength[k]):
         table.add_row(_last_two(key), *(_cell(by_pair[key, r.name]) for r in shown))
     return table
 
@@ -276,20 +276,20 @@ def _last_two(key: str) -> str:
     return ".".join(key.split(".")[-2:])
 
 
-def _cell(found: Dependence) -> str:
-    if math.isnan(found.elasticity):
+def _cell(dependence: Dependence) -> str:
+    if math.isnan(dependence.elasticity):
         return "-"
-    if abs(found.elasticity) < LEAST_SHOWN:
+    if abs(dependence.elasticity) < LEAST_SHOWN:
         return ""
-    return f"{found.elasticity:+.2f}{'~' if found.bend > 0.5 else ''}"
+    return f"{dependence.elasticity:+.2f}{'~' if dependence.bend > 0.5 else ''}"
 
 
-def write_sensitivity(path: Path, found: Sensitivity) -> None:
+def write_sensitivity(path: Path, sensitivity: Sensitivity) -> None:
     """Write a row per input and result."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["input", "value", "result", "elasticity", "bend"])
-        for d in found.dependences:
+        for d in sensitivity.dependences:
             writer.writerow(
-                [d.key, found.value[d.key], d.result, f"{d.elasticity:.6g}", f"{d.bend:.3g}"]
+                [d.key, sensitivity.value[d.key], d.result, f"{d.elasticity:.6g}", f"{d.bend:.3g}"]
             )

@@ -285,8 +285,8 @@ def _values(runs: Sequence[SweptRun], key: str) -> tuple[np.ndarray, dict[str, s
     """Return the values of an entry, numbers in SI or else texts, and what is said of them."""
     texts = [run.entries[key] for run in runs]
     about = {"scene_entry": key}
-    found = in_si(texts)
-    if found is None:  # names of presets, or rows
+    quantities = in_si(texts)
+    if quantities is None:  # names of presets, or rows
         return np.array(texts), about
-    numbers, unit = found
+    numbers, unit = quantities
     return np.array(numbers), about | ({"units": unit} if unit else {})
