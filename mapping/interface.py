@@ -478,11 +478,11 @@ def _distances(centres: np.ndarray, graph: csr_matrix) -> np.ndarray:
     """Return distances along the sheet to a few far cells, as places of the cells, (C, n)."""
     ways = _ways(centres, graph)
     far = dijkstra(ways, indices=0).argmax()
-    found = []
+    distances = []
     for _ in range(LANDMARKS):
-        found.append(dijkstra(ways, indices=far))
-        far = np.min(found, axis=0).argmax()
-    return np.stack(found, axis=1)
+        distances.append(dijkstra(ways, indices=far))
+        far = np.min(distances, axis=0).argmax()
+    return np.stack(distances, axis=1)
 
 
 def _ways(centres: np.ndarray, graph: csr_matrix) -> csr_matrix:

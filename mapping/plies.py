@@ -185,9 +185,9 @@ def _beyond(
 
 def leading_values(each: list[dict[str, np.ndarray]], leading: np.ndarray) -> dict[str, np.ndarray]:
     """Values of the ply that leads in each cell, of the fields that any ply has."""
-    found = {}
+    chosen = {}
     for name in dict.fromkeys(name for fields in each for name in fields):
         shape = next(fields[name] for fields in each if name in fields).shape
         stacked = np.stack([fields.get(name, np.full(shape, np.nan)) for fields in each])
-        found[name] = stacked[leading, np.arange(len(leading))]
-    return found
+        chosen[name] = stacked[leading, np.arange(len(leading))]
+    return chosen

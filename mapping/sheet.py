@@ -446,30 +446,30 @@ def _mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.Data
     ------
     InputError : there is none or several, or its connectivity is no table of whole numbers.
     """
-    found = [
+    meshes = [
         variable.attrs
         for variable in dataset.variables.values()
         if str(variable.attrs.get("cf_role")) == "mesh_topology"
         and str(variable.attrs.get("topology_dimension")) == "2"
     ]
-    if len(found) != 1:
+    if len(meshes) != 1:
         raise InputError(
-            f"a forming result has one two-dimensional mesh, this has {len(found)}", file=name
+            f"a forming result has one two-dimensional mesh, this has {len(meshes)}", file=name
         )
-    if "skin_of" in found[0]:
+    if "skin_of" in meshes[0]:
         raise InputError(
             "this holds fields on a solid mesh, which is no formed sheet; map from forming.nc",
             file=name,
         )
-    key = str(found[0].get("face_node_connectivity"))
+    key = str(meshes[0].get("face_node_connectivity"))
     if key not in dataset.variables:
         raise InputError(f'the mesh has no faces: there is no variable "{key}"', file=name)
     connectivity = dataset[key]
     if connectivity.ndim != 2 or connectivity.dtype.kind not in "iuf":
         raise InputError(f'the faces of the mesh ("{key}") are no table of node numbers', file=name)
-    if found[0].get("face_dimension") not in (None, connectivity.dims[0]):
+    if meshes[0].get("face_dimension") not in (None, connectivity.dims[0]):
         raise InputError("the mesh says two things about the dimension of its faces", file=name)
-    return found[0], connectivity
+    return meshes[0], connectivity
 
 
 def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
@@ -482,10 +482,10 @@ def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
     wanted: dict[str, tuple[str, ...]] = dict.fromkeys(positions, _POSITION_UNITS)
     wanted |= {key: (field.units,) for key, field in FIELD_OF_VARIABLE.items() if key not in wanted}
     for key, units in wanted.items():
-        found = dataset[key].attrs.get("units") if key in dataset else None
-        if found is not None and str(found) not in units:
+        unit = dataset[key].attrs.get("units") if key in dataset else None
+        if unit is not None and str(unit) not in units:
             raise InputError(
-                f'{key} is in "{found}", but a forming result has it in "{units[0]}"; convert it '
+                f'{key} is in "{unit}", but a forming result has it in "{units[0]}"; convert it '
                 "or form again",
                 file=name,
             )

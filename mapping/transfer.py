@@ -263,18 +263,18 @@ def _totals_of_solids(
 ) -> dict[str, np.ndarray]:
     """Totals of solid cells: of masses by the cell's area, of fibre volumes by its volume."""
     solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
-    found = {"solid_thickness": solid} if "thickness" in names else {}
+    totals = {"solid_thickness": solid} if "thickness" in names else {}
     if "thickness" in names:
-        found["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
-        found["thickness_difference"] = solid / found["thickness"] - 1.0
+        totals["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
+        totals["thickness_difference"] = solid / totals["thickness"] - 1.0
     held = np.stack([ply_weights.mapped for ply_weights in own])
     areas = np.stack([ply_weights.cell_area for ply_weights in own]) / weights.cell_area
     for name, part in (("areal_fibre_mass", areas), ("fibre_volume_fraction", shares)):
         if name in names:
             values = np.stack([mapped.scalars[name] for mapped in each])
             total = np.where(held, part * values, 0.0).sum(axis=0)
-            found[name] = np.where(weights.mapped, total, np.nan)
-    return found
+            totals[name] = np.where(weights.mapped, total, np.nan)
+    return totals
 
 
 def _leading_directions(

@@ -47,28 +47,28 @@ class Linkage:
 
 def link(file: SharedObject) -> Linkage:
     """Find what a file needs, as the dynamic linker does; nothing is loaded."""
-    found: dict[str, SharedObject] = {}
+    libraries: dict[str, SharedObject] = {}
     absent: dict[str, str] = {}
     waiting = [(name, file) for name in file.needed]
     while waiting:
         name, by = waiting.pop(0)
-        if name in found or name in absent:
+        if name in libraries or name in absent:
             continue
         library = _find(name, by, file)
         if library is None:
             absent[name] = by.path.name
             continue
-        found[name] = library
+        libraries[name] = library
         waiting += [(other, library) for other in library.needed]
-    offered = frozenset().union(file.defined, *(library.defined for library in found.values()))
-    return Linkage(file, found, absent, tuple(_old(file, found)), file.undefined - offered)
+    offered = frozenset().union(file.defined, *(library.defined for library in libraries.values()))
+    return Linkage(file, libraries, absent, tuple(_old(file, libraries)), file.undefined - offered)
 
 
 def _old(
-    file: SharedObject, found: dict[str, SharedObject]
+    file: SharedObject, libraries: dict[str, SharedObject]
 ) -> Iterator[tuple[str, tuple[str, ...], str]]:
     for name, versions in file.needed_versions.items():
-        library = found.get(name)
+        library = libraries.get(name)
         if library is None or not library.versions:
             continue  # it is absent, or does not number its interface
         lacking = tuple(sorted(set(versions) - library.versions, key=version_key))

@@ -21,10 +21,10 @@ def find_host(name: str) -> Path:
     ------
     InputError : there is none of that name.
     """
-    found = shutil.which(name)
-    if found is None:
+    path = shutil.which(name)
+    if path is None:
         raise InputError(f'there is no program "{name}"; name its file', key="--host")
-    return Path(found)
+    return Path(path)
 
 
 def python_of(host: Path) -> Path | None:

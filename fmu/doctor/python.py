@@ -103,15 +103,15 @@ def examine_library(
 
 
 def _requirements(content: PythonContent | None) -> list[Requirement]:
-    found = []
+    requirements = []
     for line in () if content is None else content.requirements:
         try:
             requirement = Requirement(line)
         except InvalidRequirement:
             continue  # an address or a folder, told by _requirement_findings
         if requirement.marker is None or requirement.marker.evaluate():
-            found.append(requirement)
-    return found
+            requirements.append(requirement)
+    return requirements
 
 
 def _module_findings(content: PythonContent, python: Interpreter) -> Iterator[Finding]:
@@ -372,14 +372,14 @@ def ask_interpreter(
     ------
     InputError : it cannot be started, or is none.
     """
-    found = shutil.which(str(python))
-    if found is None:
+    path = shutil.which(str(python))
+    if path is None:
         raise InputError(f'there is no Python "{python}"; name its file', key="--python")
     asked = json.dumps({"modules": list(modules), "distributions": list(distributions)})
     try:
         with tempfile.TemporaryDirectory() as empty:
             done = subprocess.run(
-                [str(Path(found).absolute()), "-c", _PROBE, asked],
+                [str(Path(path).absolute()), "-c", _PROBE, asked],
                 capture_output=True, encoding="utf-8", errors="replace", timeout=60,
                 cwd=empty,
             )  # fmt: skip

@@ -337,11 +337,11 @@ class FormingPart(Part):
         """Force on the blank, way of the place since the start, and whether it holds."""
         model, state = self.simulation.model, self.simulation.state
         values: dict[str, float] = {}
-        found = zip(
+        grips = zip(
             model.grips, grip_forces(model, state), let_go_times(model, state),
             grippers_at_work(model), strict=True,
         )  # fmt: skip
-        for grip, force, let_go, works in found:
+        for grip, force, let_go, works in grips:
             prefix = quoted(grip.name)
             travel = state.position[:, grip.nodes] @ grip.weights - grip.place
             values |= {f"{prefix}.grip_force_{axis}": part for axis, part in zip("xyz", force)}
@@ -427,8 +427,8 @@ class FormingPart(Part):
                     faces.add_to(of_all, nodes)
         values: dict[str, float] = {}
         for prefix, contact in zip([*prefixes, ""], [*each, of_all], strict=True):
-            found = list(contact.measures().values()) or [0.0] * len(BETWEEN_SCALARS)
-            for (name, *_), value in zip(BETWEEN_SCALARS, found, strict=True):
+            measures = list(contact.measures().values()) or [0.0] * len(BETWEEN_SCALARS)
+            for (name, *_), value in zip(BETWEEN_SCALARS, measures, strict=True):
                 values[f"{prefix}{name}"] = value
         return values
 
@@ -449,9 +449,9 @@ class FormingPart(Part):
     def _fluid_outputs(self) -> dict[str, np.ndarray]:
         assert self.wet is not None
         names = {e[0]: e[0].removeprefix("fluid_") for e in FLUID_OUTPUTS}
-        found = self.wet.get_fields(list(names.values()))
-        assert REFERENCE_PRESSURE in found
-        return {own: found[name] for own, name in names.items()}
+        fields = self.wet.get_fields(list(names.values()))
+        assert REFERENCE_PRESSURE in fields
+        return {own: fields[name] for own, name in names.items()}
 
     def _solver_outputs(self) -> dict[str, float]:
         return {

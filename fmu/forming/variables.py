@@ -387,12 +387,12 @@ def field_names(abilities: Abilities) -> list[str]:
 
 def _unknown(abilities: Abilities) -> set[str]:
     """Return the fields that the elements do not predict, by the names of their variables."""
-    found = set(_unknown_of_sheet(abilities))
+    unknown = set(_unknown_of_sheet(abilities))
     for ply in abilities.plies:
-        found |= {f"{ply.prefix}{name}" for name in _unknown_of_sheet(ply)}
+        unknown |= {f"{ply.prefix}{name}" for name in _unknown_of_sheet(ply)}
         # a sum over the plies is not known where one of them is not
-        found |= {f"stack_{name}" for name in _unknown_of_sheet(ply)}
-    return found
+        unknown |= {f"stack_{name}" for name in _unknown_of_sheet(ply)}
+    return unknown
 
 
 def _unknown_of_sheet(sheet: Abilities | PlyAbilities) -> tuple[str, ...]:
@@ -412,13 +412,13 @@ def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
         of_fluid = [(entry[0], _of_fluid(abilities, *entry)) for entry in FLUID_OUTPUTS]
     if not abilities.plies:
         return [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS] + of_fluid
-    found = [
+    variables = [
         (entry[0], _of_ply(ply, entry, size=ply.element_count))
         for ply in abilities.plies
         for entry in FIELD_OUTPUTS
     ]
-    found += [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
-    return found + of_fluid
+    variables += [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
+    return variables + of_fluid
 
 
 def _where(abilities: Abilities) -> str:
@@ -439,10 +439,10 @@ def _scalars_of_plies(abilities: Abilities) -> list[Variable]:
     """Extrema of every ply, of what lies over each other, and of what is between the plies."""
     if not abilities.plies:
         return []
-    found = [
+    variables = [
         _of_ply(ply, entry) for ply in abilities.plies for entry in (*PLY_SCALARS, *BETWEEN_SCALARS)
     ]
-    return found + [_output(*entry) for entry in (*STACK_SCALARS, *BETWEEN_SCALARS)]
+    return variables + [_output(*entry) for entry in (*STACK_SCALARS, *BETWEEN_SCALARS)]
 
 
 def _of_ply(ply: PlyAbilities, entry: tuple[str, ...], size: int | None = None) -> Variable:

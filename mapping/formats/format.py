@@ -349,13 +349,13 @@ def worst(
     numbers : number of each cell, or of what ``place`` names, in the target's file, shape (C,).
     area : of each cell [m2], for the mean, shape (C,).
     """
-    found = np.where(np.isfinite(error), np.abs(error), -1.0)
-    row = int(np.argmax(found))
+    size = np.where(np.isfinite(error), np.abs(error), -1.0)
+    row = int(np.argmax(size))
     mean = None
     if area is not None:
-        known = found >= 0.0
-        mean = float(np.average(found[known], weights=area[known]))
-    return Loss(what, max(float(found[row]), 0.0), unit, int(numbers[row]), mean, place)
+        known = size >= 0.0
+        mean = float(np.average(size[known], weights=area[known]))
+    return Loss(what, max(float(size[row]), 0.0), unit, int(numbers[row]), mean, place)
 
 
 def _shown(value: float, unit: str) -> str:

@@ -156,29 +156,29 @@ class Interface:
         if not self.is_three:
             name = {"ContinuousStateDerivative": "Derivative"}.get(kind, kind)
             path = f"ModelStructure/{name}s/Unknown"
-        found = []
+        entries = []
         for element in self.root.findall(path):
             dependencies, kinds = element.get("dependencies"), element.get("dependenciesKind")
-            found.append(
+            entries.append(
                 Unknown(
                     whole(element.get("valueReference" if self.is_three else "index")),
                     None if dependencies is None else tuple(map(whole, dependencies.split())),
                     None if kinds is None else tuple(kinds.split()),
                 )
             )
-        return found
+        return entries
 
     @property
     def states(self) -> dict[int, Entry]:
         """Continuous states by their numbers: those whose derivatives the structure lists."""
-        found = {}
+        by_number = {}
         for unknown in self.unknowns("ContinuousStateDerivative"):
             entry = self.known(unknown.of)
             if entry is not None and "derivative" in entry.attributes:
                 state = self.known(whole(entry.attributes["derivative"]))
                 if state is not None:
-                    found[self.key(state)] = state
-        return found
+                    by_number[self.key(state)] = state
+        return by_number
 
     def _type(self, element: Element) -> tuple[str, dict[str, str], tuple[Element, ...]]:
         """Return kind, attributes and items of a declared type."""

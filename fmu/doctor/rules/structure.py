@@ -89,17 +89,17 @@ def dependencies(interface: Interface) -> Iterator[str]:
 
 def _dependency_problems(interface: Interface, unknown: Unknown, name: str) -> Iterator[str]:
     """Yield what is wrong with the dependencies of an unknown."""
-    found = unknown.dependencies or ()
-    known = [interface.known(key) for key in found]
+    dependencies = unknown.dependencies or ()
+    known = [interface.known(key) for key in dependencies]
     if None in known:
-        absent = next(key for key, entry in zip(found, known, strict=True) if entry is None)
+        absent = next(key for key, entry in zip(dependencies, known, strict=True) if entry is None)
         yield f"depends on {absent}, which no variable is"
-    for key in repeated(found):
+    for key in repeated(dependencies):
         yield f"depends on {interface.known(key)} twice"
     if unknown.kinds is not None:
         allowed = _INITIAL_KINDS if name == "InitialUnknown" else _KINDS
-        if unknown.dependencies is None or len(unknown.kinds) != len(found):
-            yield f"has {len(unknown.kinds)} kinds of {len(found)} dependencies"
+        if unknown.dependencies is None or len(unknown.kinds) != len(dependencies):
+            yield f"has {len(unknown.kinds)} kinds of {len(dependencies)} dependencies"
         elif not set(unknown.kinds) <= set(allowed):
             yield f"has a kind of dependency other than {', '.join(allowed)}"
     for entry in known:
