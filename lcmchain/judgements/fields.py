@@ -52,7 +52,7 @@ LEAST_FACTOR = 0.01
 
 
 def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
-    """Say in words what the model cannot tell, and where the fields leave its range."""
+    """Say what the model does not predict, and where the fields leave its range."""
     missing = [] if "thickness" in sheet else [NO_THICKNESS]
     return [
         *missing,
@@ -120,7 +120,7 @@ def _waves(sheet: xr.Dataset) -> Iterator[Verdict]:
 
 
 def _wrinkle_risk(sheet: xr.Dataset) -> Iterator[Verdict]:
-    """Say where to look; never bad, for it is a forecast."""
+    """Say where wrinkles are to be expected; never bad, since it is a forecast."""
     if RISK not in sheet:
         return
     last = sheet.isel(time=-1)
@@ -147,7 +147,7 @@ def _wrinkle_risk(sheet: xr.Dataset) -> Iterator[Verdict]:
 
 
 def fibre_strain_measures(sheet: xr.Dataset, scene: Scene) -> dict[str, Any]:
-    """Return the largest fibre strain of all frames and what it says of the modulus.
+    """Return the largest fibre strain of all frames, and the modulus that it allows.
 
     Returns
     -------

@@ -12,7 +12,7 @@ NOT_JUDGED, GOOD, DOUBTFUL, BAD_GRADE = GRADES = ("not judged", "good", "doubtfu
 
 
 class Verdict(NamedTuple):
-    """What a check found.
+    """The verdict of a check.
 
     check : its name. grade : one of ``GRADES``. text : number, limit and meaning, in words.
     remedy_key : scene entries to change, where the grade is not good.

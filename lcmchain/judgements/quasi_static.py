@@ -1,4 +1,4 @@
-"""Whether a process is slow enough to be quasi-static: what the sheet needs, and what a run did.
+"""Whether a process is slow enough to be quasi-static: the time that the sheet needs, and a run's.
 
 A shear wave crosses a sheet of length L at c = sqrt(G/ρ), so that its slowest shear vibration with
 free edges has the period 2 L/c. G is the tangent of the shear law: at rest, and where the law is
@@ -63,7 +63,7 @@ IDLE_STRAIN = 1e-6
 
 @dataclass(frozen=True)
 class ProcessTime:
-    """What the process time of a sheet is to be compared with [s].
+    """Times that the process time of a sheet is compared with [s].
 
     period, softened_period : of the slowest shear vibration at rest and at the softest shear.
     holder_periods : of each guided tool that bounces on the thickness of the sheet, by its name.
@@ -107,7 +107,7 @@ def process_time_needed(model: Model) -> ProcessTime:
 
 
 def _holder_periods(model: Model) -> dict[str, float]:
-    """Return 2π sqrt(m/k), k from the thickness stiffness of all sheets, one on the other."""
+    """Return 2π sqrt(m/k), with k from the stiffness of all sheets over their thickness."""
     periods = {}
     stiffness = 1.0 / sum(
         body.material.thickness
@@ -260,7 +260,7 @@ def balance_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdic
 def quasi_static_warnings(
     measures: Mapping[str, float], scene: Scene, needed: ProcessTime
 ) -> list[str]:
-    """Say in words what inertia, damping and hourglass terms spoil, and which entry cures it.
+    """Say which errors inertia, damping and hourglass terms cause, and which entry cures them.
 
     measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
@@ -271,7 +271,7 @@ def quasi_static_warnings(
 
 
 def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
-    """Say in one line that inertia and damping spoil a process, with the one entry that cures both.
+    """Say in one line that a process is too fast, where one entry cures inertia and damping.
 
     None where it takes two: where the tools do not set the pace, or the damping is that of a tool
     or of a sheet that snaps.
@@ -440,7 +440,7 @@ def _of_punch(summary: Mapping[str, Any]) -> str:
 
 
 def motion_in_force(parts: Mapping[str, float]) -> str:
-    """Say where damping and inertia of a force are no parts of it; empty where they are.
+    """Say that damping and inertia are no parts of a force, where that is so; else empty.
 
     Over a piece of the travel in which the sheet swings, one of them may exceed the force, and
     others are negative: then nothing is taken *of* the force.

@@ -1,4 +1,4 @@
-"""What stages, mappings and infiltrations did, in words for the terminal and the report."""
+"""Results of stages, mappings and infiltrations in words, for the terminal and the report."""
 
 from __future__ import annotations
 

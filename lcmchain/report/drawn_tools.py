@@ -1,8 +1,8 @@
 """The tools of a run as its pictures show them: where they are, and transparent around the sheet.
 
 A transparent surface that is painted facet by facet shows the seams of its facets. Here all facets
-of a tool that lie in front of the sheet are one path, whose overlaps are filled once, and all that
-lie behind it another one. Which those are, a depth buffer of the sheet tells.
+of a tool in front of the sheet are one path, whose overlaps are filled once, and all facets behind
+the sheet another one. A depth buffer of the sheet tells them apart.
 """
 
 from __future__ import annotations

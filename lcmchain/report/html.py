@@ -378,7 +378,7 @@ def _is_component(name: str) -> bool:
 
 
 def _as_declared(name: str, attributes: Mapping[str, Any]) -> Shown:
-    """Show a field that nobody knows here, such as one that a law remembers, in its own unit."""
+    """Show a field without an entry here, such as one that a law remembers, in its own unit."""
     title = str(attributes.get("long_name", name.replace("_", " ")))
     unit = str(attributes.get("units", ""))
     return Shown(name, title[:1].upper() + title[1:], unit if unit != "1" else "", 1.0, "viridis",
@@ -492,7 +492,7 @@ def _at_work(scene: Scene, tool: Tool, history: xr.Dataset) -> list[bool]:
 
 
 def _shown(surfaces: list[tuple[np.ndarray, np.ndarray]]) -> list[int]:
-    """Return the tools with a surface in the room, as many as stay light, the coarsest first."""
+    """Return the tools with a surface in the room, the coarsest first, up to ``MOST_TRIANGLES``."""
     chosen, room = [], MOST_TRIANGLES
     for index in sorted(range(len(surfaces)), key=lambda i: len(surfaces[i][1])):
         room -= len(surfaces[index][1])

@@ -1,8 +1,8 @@
 """How far the result of a run lies from that of another, quantity by quantity.
 
-Fields are compared on the undeformed sheet, where every place is a place of the material: what a
-cell holds of one run against what the same material holds in the other. The faces of one mesh are
-carried onto those of the other by the mapping of the project (:mod:`lcmchain.mapping`), overlap
+Fields are compared on the undeformed sheet, where every place is a place of the material: the value
+of a cell in one run is compared with that of the same material in the other. The faces of one mesh
+are carried onto those of the other by the mapping of the project (:mod:`lcmchain.mapping`), overlap
 weights of second order.
 """
 

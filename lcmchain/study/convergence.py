@@ -212,7 +212,7 @@ def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
 
 
 def _usual_change(sizes: Sequence[float], steps: Sequence[float]) -> float:
-    """Return what meshes change that are finer by the root of two: the mean of what was seen."""
+    """Return the change by meshes that are finer by the root of two, in the mean of those seen."""
     once = [
         step * math.sqrt(0.5 * math.log(2.0) / math.log(coarse / fine))
         for coarse, fine, step in zip(sizes[:-1], sizes[1:], steps, strict=True)
@@ -222,7 +222,7 @@ def _usual_change(sizes: Sequence[float], steps: Sequence[float]) -> float:
 
 
 def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:
-    """Return what of a distance is left to the meshes; not a number where settings make most."""
+    """Return the part of a distance due to the meshes; not a number where settings make most."""
     settings = one.off.get(name, 0.0) - other.off.get(name, 0.0)
     left = distance**2 - settings**2
     return math.sqrt(left) if left > LEAST_OF_MESHES * distance**2 else math.nan

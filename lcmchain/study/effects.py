@@ -1,4 +1,4 @@
-"""What each effect of a scene changes of its result, and what it takes of the time."""
+"""Study of effects: how each one changes the result of a scene, and its part of the time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from lcmchain.study.sources import Source, Variant
 
 @dataclass(frozen=True, eq=False)
 class EffectChange:
-    """What a run with one effect switched over differs by from the scene as it is.
+    """Difference of a run with one effect switched over from the scene as it is.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def study_effects(
 ) -> EffectStudy:
     """Switch each effect of a scene over in turn.
 
-    What each takes of the time of a step is kept for later checks of scenes like this one.
+    The part of a step's time that each takes is kept for later checks of scenes like this one.
 
     Raises
     ------

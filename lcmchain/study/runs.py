@@ -113,7 +113,7 @@ class Study:
     def outcomes(
         self, variants: Sequence[Variant], progress: Progress | None = None
     ) -> dict[str, Outcome]:
-        """Return the outcomes of all variants by name; those that are there are not made again.
+        """Return the outcomes of all variants by name; runs that are kept are not repeated.
 
         Raises
         ------
@@ -208,7 +208,7 @@ def _client(workers: Workers, count: int) -> Iterator[Client]:
 
 
 def require_address(address: str) -> None:
-    """Refuse what is no address of a scheduler, before a client waits for an answer from there.
+    """Refuse an address that is none of a scheduler, before a client waits for its answer.
 
     Raises
     ------
@@ -250,7 +250,7 @@ class _Account:
         self.count = 0
 
     def in_good_order(self, variants: Sequence[Variant]) -> list[Variant]:
-        """Return the quickest first, which compiles, then the longest: none is left alone last."""
+        """Return the quickest first, which compiles, then the longest, so that none ends alone."""
         in_order = sorted(variants, key=lambda variant: self.work[variant.name])
         return [*in_order[:1], *reversed(in_order[1:])]
 
@@ -298,10 +298,10 @@ class Beginning(NamedTuple):
 def begin_run(scene: Scene, threads: int | None, duration: float = DURATION) -> Beginning:
     """Make the first steps of a scene on its own mesh.
 
-    Coarse pilots tell little of the time that a step takes on a fine mesh: what a step costs beside
-    its elements weighs more on them, and they are too small for a second thread. So the run is
-    begun for a moment. Its first steps are not its last ones, with more contact and shorter steps;
-    what they take is set against the first steps of a pilot, of which the whole time is known.
+    Coarse pilots tell little of the time of a step on a fine mesh. The cost of a step beside its
+    elements weighs more on them, and they are too small for a second thread. So the run is begun
+    for a moment. Later steps have more contact and are shorter; so the time of the first ones is
+    compared with that of the first steps of a pilot, of which the whole time is known.
 
     Parameters
     ----------

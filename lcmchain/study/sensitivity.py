@@ -192,7 +192,7 @@ def run_sensitivity(
 def allowed_changes(
     text: Source, values: Mapping[str, str], part: float
 ) -> tuple[dict[str, dict[str, Variant]], list[str]]:
-    """Return the variants of each input by side, those that the scene allows, and what it refuses.
+    """Return the variants of each input by side that the scene allows, and what it refuses.
 
     A Poisson's ratio of 0.47 cannot be raised by a tenth; it is lowered alone.
     """
