@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable
 from enum import Enum, IntEnum
 from types import CodeType, FrameType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -169,12 +169,20 @@ _ANSWERS: dict[str, Callable[..., Any]] = {
 _HARMLESS = {"get_numbers", "get_texts", "save", "step", "terminate"}
 
 
+class Conducted(Protocol):
+    """What a guarded method needs of its unit."""
+
+    def refuse(self, reason: str, *, changes: bool) -> None: ...
+
+    def interrupted(self) -> None: ...
+
+
 def guarded(method: Callable) -> Callable:
     """Turn every exception of a unit's method into a message and an answer."""
     name = method.__name__
 
     @functools.wraps(method)
-    def outer(self: Any, *arguments: Any) -> Any:
+    def outer(self: Conducted, *arguments: object) -> Any:
         try:
             return _call(method, self, arguments)
         except LcmchainError as error:
@@ -194,5 +202,5 @@ def guarded(method: Callable) -> Callable:
 
 
 @catching
-def _call(method: Callable, unit: Any, arguments: tuple) -> Any:
+def _call(method: Callable, unit: Conducted, arguments: tuple) -> Any:
     return method(unit, *arguments)

@@ -531,7 +531,11 @@ def _require_sound_fields(
         outside = np.flatnonzero((values < low) | (values > high))
         if len(outside):
             value = values[outside[0]]
-            raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
+            raise InputError(
+                f"{key} of face {outside[0]} is {value:g} in SI units; in a formed textile it lies "
+                f"between {low:g} and {high:g}: look at the forming result",
+                file=name,
+            )
     for family in FIBRE_FAMILIES:
         alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
         if alone:

@@ -216,7 +216,7 @@ def read_displacements(path: Path | str) -> list[NodalResult]:
                 number = end
     except (ValueError, StopIteration):
         raise InputError(
-            f"the block at line {number} is none of a CalculiX result in ASCII", file=path
+            f"the block at line {number} is no block of a CalculiX result in ASCII", file=path
         ) from None
     return results
 
