@@ -26,10 +26,10 @@ def forming_datasets(
 ) -> dict[str, xr.Dataset]:
     """Return the groups of ``forming.nc``, as a run and a unit of a co-simulation write them.
 
-    Parameters
-    ----------
-    snapshots : saved frames, the first of them the start.
-    state : of the run (:mod:`lcmchain.results.state`), written as the global attribute ``state``.
+        Parameters
+        ----------
+        snapshots : saved frames, the first of them the start.
+    state : of the run (:mod:`lcmchain.results.folder`), written as the global attribute ``state``.
     """
     model = simulation.model
     frames = FrameSeries.from_snapshots(snapshots, model.tool_names)

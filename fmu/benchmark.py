@@ -103,7 +103,7 @@ class _Master:
             return self.slave.getReal(self.references[name])
         return self.slave.getFloat64(self.references[name], nValues=count)
 
-    def access(self, name: str, count: int, *, write: bool) -> Callable[[], Any]:
+    def access(self, name: str, count: int, *, write: bool) -> Callable[[], object]:
         """Return what reads or writes a field by the function of the standard, from arrays."""
         numbers = self.references[name]
         references = (ctypes.c_uint32 * len(numbers))(*numbers)
@@ -184,7 +184,7 @@ def _element_count() -> int:
     return Simulation.from_scene(scene_from_text(SCENE)).model.element_count
 
 
-def _median(count: int, work: Callable[[], Any]) -> float:
+def _median(count: int, work: Callable[[], object]) -> float:
     times = []
     for _ in range(count):
         start = time.perf_counter()
@@ -256,13 +256,13 @@ def _silent() -> Iterator[None]:
 def run_unit_bench() -> Table:
     """Measure both versions and return the table of ``lcmchain bench --unit``."""
     spawn = multiprocessing.get_context("spawn")
-    found = {}
+    costs = {}
     for version in (2, 3):
         with ProcessPoolExecutor(max_workers=1, mp_context=spawn) as pool:
-            found[version] = pool.submit(measure, version).result()
+            costs[version] = pool.submit(measure, version).result()
     table = Table(title="forming unit of 3,600 elements in fmpy, medians", title_justify="left")
     table.add_column("")
-    for version in found:
+    for version in costs:
         table.add_column(f"FMI {version}.0", justify="right")
     rows: list[tuple[str, Callable[[UnitCost], str]]] = [
         ("model description, kB", lambda c: f"{1e-3 * c.description:.0f}"),
@@ -280,5 +280,5 @@ def run_unit_bench() -> Table:
         (f"memory of {CYCLES} instances, kB", lambda c: f"{1e-3 * c.growth:+.0f}"),
     ]
     for name, text in rows:
-        table.add_row(name, *(text(cost) for cost in found.values()))
+        table.add_row(name, *(text(cost) for cost in costs.values()))
     return table

@@ -251,7 +251,7 @@ def _write_resources(resources: Path, unit: Mapping[str, Any], fmi: int) -> None
 def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
     """Return the exporter's binaries by their places in the unit, that of Linux with the guard."""
     folder = Path(str(files(EXPORTERS[fmi]))) / "resources" / "binaries"
-    found = {}
+    binaries = {}
     for path in sorted(folder.rglob("*")):
         if path.suffix not in (".so", ".dll", ".dylib"):
             continue
@@ -264,8 +264,8 @@ def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
                 "another than this lcmchain knows; install an earlier one",
                 file=path,
             ) from None
-        found[f"{place}/{definition.model_name}{path.suffix}"] = content
-    return found
+        binaries[f"{place}/{definition.model_name}{path.suffix}"] = content
+    return binaries
 
 
 def _write_archive(path: Path, contents: Mapping[str, bytes]) -> None:

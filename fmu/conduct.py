@@ -1,4 +1,4 @@
-"""How a unit answers its master: what calls end with, messages, refusals, and Ctrl-C."""
+"""How a unit answers its master: status of calls, messages, refusals, and Ctrl-C."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Callable
 from enum import Enum, IntEnum
 from types import CodeType, FrameType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -158,7 +158,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
 
 # --- no exception leaves a unit: a refused call is told and changes nothing -----------------------
 
-# What a call answers that was refused; all others answer that there was an error.
+# Answers of calls that were refused; all others answer that there was an error.
 _ANSWERS: dict[str, Callable[..., Any]] = {
     "get_numbers": lambda references: np.full(len(references), np.nan),
     "get_texts": lambda references: [""] * len(references),
@@ -169,12 +169,20 @@ _ANSWERS: dict[str, Callable[..., Any]] = {
 _HARMLESS = {"get_numbers", "get_texts", "save", "step", "terminate"}
 
 
+class Conducted(Protocol):
+    """What a guarded method needs of its unit."""
+
+    def refuse(self, reason: str, *, changes: bool) -> None: ...
+
+    def interrupted(self) -> None: ...
+
+
 def guarded(method: Callable) -> Callable:
     """Turn every exception of a unit's method into a message and an answer."""
     name = method.__name__
 
     @functools.wraps(method)
-    def outer(self: Any, *arguments: Any) -> Any:
+    def outer(self: Conducted, *arguments: object) -> Any:
         try:
             return _call(method, self, arguments)
         except LcmchainError as error:
@@ -194,5 +202,5 @@ def guarded(method: Callable) -> Callable:
 
 
 @catching
-def _call(method: Callable, unit: Any, arguments: tuple) -> Any:
+def _call(method: Callable, unit: Conducted, arguments: tuple) -> Any:
     return method(unit, *arguments)

@@ -1,4 +1,4 @@
-"""What a unit says of itself: model descriptions of FMI 2.0 and 3.0, terminals, documentation."""
+"""Files that describe a unit: model descriptions of FMI 2.0 and 3.0, terminals, documentation."""
 
 from __future__ import annotations
 
@@ -280,14 +280,14 @@ def _add_experiment(root: Element, definition: UnitDefinition) -> None:
 
 def _limits(variable: Variable) -> dict[str, str]:
     """Return the attributes for type, unit and limits of a variable."""
-    found = {"min": variable.minimum, "max": variable.maximum}
+    attributes = {"min": variable.minimum, "max": variable.maximum}
     texts = {"declaredType": variable.type_name}
     if variable.kind is Kind.REAL:
-        found["nominal"] = variable.nominal
+        attributes["nominal"] = variable.nominal
         texts["unit"] = variable.unit
     number = repr if variable.kind is Kind.REAL else lambda value: str(int(value))
     return {name: text for name, text in texts.items() if text is not None} | {
-        name: number(value) for name, value in found.items() if value is not None
+        name: number(value) for name, value in attributes.items() if value is not None
     }
 
 
@@ -364,7 +364,7 @@ class UnitTerminal(NamedTuple):
 def terminals_of(variables: Sequence[Variable]) -> list[UnitTerminal]:
     """Return the terminals of a unit with this interface, of FMI 3.0 (a field is one variable)."""
     known = {variable.name: variable for variable in variables}
-    found = []
+    terminals = []
     for name, variable in known.items():
         tool, _, suffix = name.rpartition(".")
         if suffix == "velocity_input" and variable.causality == "input":
@@ -375,9 +375,9 @@ def terminals_of(variables: Sequence[Variable]) -> list[UnitTerminal]:
                 if f"{tool}.{own}" in known
             }
             what = f"what moves {tool} and what it feels"
-            found.append(UnitTerminal(tool, ROTATION if turns else TRANSLATION, what, members))
-    taken = any(terminal.name == "preform" for terminal in found)
-    return found + _of_preform(known, "preform_fields" if taken else "preform")
+            terminals.append(UnitTerminal(tool, ROTATION if turns else TRANSLATION, what, members))
+    taken = any(terminal.name == "preform" for terminal in terminals)
+    return terminals + _of_preform(known, "preform_fields" if taken else "preform")
 
 
 def _of_preform(known: dict[str, Variable], port: str) -> list[UnitTerminal]:
@@ -393,15 +393,15 @@ def _of_preform(known: dict[str, Variable], port: str) -> list[UnitTerminal]:
             members[member] = own
     if not members:
         return []
-    found = [UnitTerminal(port, PREFORM, "fields that solid and fluid exchange", members)]
+    terminals = [UnitTerminal(port, PREFORM, "fields that solid and fluid exchange", members)]
     if "pore_pressure_at_rest" in known:
         at_rest = {
             "pressure_at_rest" if member == "pore_pressure" else member: own
             for member, own in members.items()
         }
         what = "the same with pore_pressure at rest, for pore_pressure_at_rest = true"
-        found.append(UnitTerminal(f"{port}_at_rest", PREFORM, what, at_rest))
-    return found
+        terminals.append(UnitTerminal(f"{port}_at_rest", PREFORM, what, at_rest))
+    return terminals
 
 
 def document(terminals: Sequence[UnitTerminal]) -> Element:

@@ -98,16 +98,16 @@ class UnitSlave2(Fmi2Slave):
     # --- rollback ---------------------------------------------------------------------------------
 
     @outermost
-    def _get_fmu_state(self) -> Any:
+    def _get_fmu_state(self) -> SavedState | None:
         return self.unit.save()
 
     @outermost
-    def _set_fmu_state(self, state: Any) -> None:
+    def _set_fmu_state(self, state: object) -> None:
         self.unit.restore(state)
 
     @staticmethod
     @outermost
-    def _fmu_state_to_bytes(state: Any) -> bytes:
+    def _fmu_state_to_bytes(state: object) -> bytes:
         return state.to_bytes() if isinstance(state, SavedState) else b""
 
     @staticmethod

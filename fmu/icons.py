@@ -65,10 +65,10 @@ def icon_files(
     drawing = unit_drawing(name, part)
     if fmi == 2:
         return {ICON_OF_FMI2: as_png(drawing, PIXELS)}
-    found = _both(drawing, "icon", PIXELS)
+    pictures = _both(drawing, "icon", PIXELS)
     for kind in dict.fromkeys(terminal.kind for terminal in terminals):
-        found |= _both(terminal_drawing(kind), ICON_OF_KIND[kind], TERMINAL_PIXELS)
-    return found
+        pictures |= _both(terminal_drawing(kind), ICON_OF_KIND[kind], TERMINAL_PIXELS)
+    return pictures
 
 
 def _both(drawing: Drawing, name: str, pixels: int) -> dict[str, bytes]:

@@ -105,10 +105,10 @@ def _require_own_description(path: Path, definition: UnitDefinition) -> None:
         head = path.read_text(encoding="utf-8", errors="replace")[:4000]
     except OSError:
         return  # a master may unpack the resources alone
-    found = re.search(r'(?:guid|instantiationToken)="([^"]*)"', head)
-    if found is not None and found[1].strip("{}") != definition.guid:
+    match = re.search(r'(?:guid|instantiationToken)="([^"]*)"', head)
+    if match is not None and match[1].strip("{}") != definition.guid:
         raise InputError(
-            f"modelDescription.xml is that of another unit ({found[1]} instead of "
+            f"modelDescription.xml is that of another unit ({match[1]} instead of "
             f"{definition.guid}); unpack the unit again",
             file=path,
         )

@@ -1,4 +1,4 @@
-"""What a unit is, what the physics behind it offer, and their state at a communication point."""
+"""Definition of a unit, the physics behind it, and their state at a communication point."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import os
 import tempfile
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ import numpy as np
 from lcmchain.compilation.threads import use_threads
 from lcmchain.errors import InputError, LcmchainError
 from lcmchain.fmu.conduct import Messages, Phase
-from lcmchain.fmu.variables import Values, Variable
+from lcmchain.fmu.variables import Outputs, Values, Variable
 
 #: Name of the file of the interface at which fields are exchanged, in the resources of a unit.
 INTERFACE_FILE = "interface.nc"
@@ -94,11 +93,11 @@ class Part(ABC):
     def advance(self, size: float) -> None:
         """Go on by ``size`` > 0 [s], to ``target``, under the present inputs, all of them finite.
 
-        What is left after an exception is undone by :meth:`reinstate`.
+        After an exception :meth:`reinstate` undoes what was done.
         """
 
     @abstractmethod
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the values of the outputs of a group by name, at the present time."""
 
     @abstractmethod
@@ -147,7 +146,7 @@ class Unreadable(LcmchainError):
 
 @dataclass(frozen=True)
 class PartState:
-    """What the physics of a unit keep: values that JSON can hold, and arrays by name."""
+    """State of the physics of a unit: values that JSON can hold, and arrays by name."""
 
     values: dict[str, Any] = field(default_factory=dict)
     arrays: dict[str, np.ndarray] = field(default_factory=dict)

@@ -8,8 +8,7 @@ changes nothing; a step that cannot be done is undone. The adapters (:mod:`lcmch
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from lcmchain.fmu.conduct import (
     take_noted,
 )
 from lcmchain.fmu.part import Part, PartState, SavedState, UnitDefinition
-from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Layout, Values, Variable
+from lcmchain.fmu.variables import STEP_OUTCOME, Kind, Layout, Outputs, Values, Variable
 
 # A master that sums up its steps drifts from ours by rounding, relative to the experiment's length.
 CLOCK_TOLERANCE = 1e-9
@@ -181,7 +180,7 @@ class Unit:
 
     @guarded
     @outermost
-    def set_numbers(self, references: Sequence[int], values: Sequence[Any], kind: Kind) -> Status:
+    def set_numbers(self, references: Sequence[int], values: Sequence[float], kind: Kind) -> Status:
         """Set parameters or inputs that are no texts; all of them or none."""
         slots = self._settable(references, kind)
         count = self.values.numbers[slots].size
@@ -192,12 +191,13 @@ class Unit:
 
     @guarded
     @outermost
-    def set_texts(self, references: Sequence[int], values: Sequence[Any]) -> Status:
+    def set_texts(self, references: Sequence[int], values: Sequence[object]) -> Status:
         """Set parameters that are texts; all of them or none."""
         touched = self._variables_of(self._settable(references, Kind.STRING))
-        if len(values) != len(touched) or not all(isinstance(text, str) for text in values):
+        texts = [text for text in values if isinstance(text, str)]
+        if len(values) != len(touched) or len(texts) != len(values):
             raise Refused("what was set is no text in UTF-8")
-        self.values.texts |= {variable.name: text for variable, text in zip(touched, values)}
+        self.values.texts |= {variable.name: text for variable, text in zip(touched, texts)}
         return Status.OK
 
     # --- rollback ---------------------------------------------------------------------------------
@@ -221,19 +221,20 @@ class Unit:
 
     @guarded
     @outermost
-    def restore(self, saved: Any) -> Status:
+    def restore(self, saved: object) -> Status:
         """Go back to a saved state of this unit, of this process or another; it stays as it is."""
-        self._require_own(saved)
+        state = self._own_state(saved)
         before = self.save()
         try:
-            self._take(saved)
+            self._take(state)
         except BaseException:
             if isinstance(before, SavedState):
                 self._take(before)
             raise
         return Status.OK
 
-    def _require_own(self, saved: Any) -> None:
+    def _own_state(self, saved: object) -> SavedState:
+        """Return what was handed in as a state of this unit; refuse all else."""
         if isinstance(saved, LcmchainError):  # bytes that could not be read
             raise Refused(str(saved))
         if not isinstance(saved, SavedState):
@@ -250,6 +251,7 @@ class Unit:
             variable = self._by_name.get(name)
             if variable is None or values.shape != (variable.count,):
                 raise Refused(f"the state holds {name} with {values.size} values")
+        return saved
 
     def _take(self, saved: SavedState) -> None:
         old = self.values.settings()[0]
@@ -279,10 +281,10 @@ class Unit:
     def refuse(self, reason: str, *, changes: bool) -> None:
         """Say that a call was refused. What should have changed something stops the next step.
 
-        On Linux the text makes the call an error (``library/guard.h``). Elsewhere pythonfmu lets no
-        call but a step end with anything but success or the death of the instance, and masters
-        that do not look at the status are everywhere: they learn with their next step that what it
-        computes with is not what they have set.
+        On Linux the text makes the call an error (``library/guard.h``). Elsewhere pythonfmu can
+        only report success for a call that is no step, or end the instance. Many masters also
+        ignore the status. They learn with their next step, which is discarded, that what they set
+        was refused.
         """
         if changes:
             self._refusals.append(reason)
@@ -363,16 +365,16 @@ class Unit:
         """Compute the outputs of a group for the present state; 0 before there is one."""
         if group == "status":
             outcome = int(self.outcome)
-            found: Mapping[str, Any] = {"status": outcome, STEP_OUTCOME.name: outcome}
+            outputs: Outputs = {"status": outcome, STEP_OUTCOME.name: outcome}
         elif group == "time":
-            found = {
+            outputs = {
                 "time": (self._start_time or 0.0) + (self.part.present if self._built else 0.0)
             }
         elif self._built:
-            found = self.part.outputs(group)
+            outputs = self.part.outputs(group)
         else:
             return
-        self.values.set_outputs(dict(found))
+        self.values.set_outputs(outputs)
         if group not in ("status", "time"):
             self._stale.discard(group)
 

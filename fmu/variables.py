@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal, NamedTuple
@@ -28,6 +28,9 @@ class Kind(Enum):
 
 Causality = Literal["parameter", "input", "output", "local", "independent"]
 Variability = Literal["constant", "fixed", "discrete", "continuous"]
+
+#: Values of outputs by name: numbers, and arrays of fields.
+Outputs = Mapping[str, float | np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -369,9 +372,9 @@ class Values:
         """Return a copy of the values of a field."""
         return self.numbers[self.layout.slots[name]].copy()
 
-    def set_outputs(self, found: dict[str, float | np.ndarray]) -> None:
+    def set_outputs(self, outputs: Outputs) -> None:
         """Set the named ones that the unit has."""
-        for name, value in found.items():
+        for name, value in outputs.items():
             if name in self.layout.slots:
                 self.numbers[self.layout.slots[name]] = value
 

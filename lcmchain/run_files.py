@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.report.shown import CAPTIONS, START_PICTURE
+from lcmchain.report.style import CAPTIONS, START_PICTURE
+from lcmchain.results.folder import SUMMARY_FILE
 from lcmchain.results.log import LOG_FILE
-from lcmchain.results.state import SUMMARY_FILE
 from lcmchain.scene import Scene
 
 #: Files that a run writes under names of its own; each mapping adds files of its name.

@@ -16,8 +16,12 @@ from lcmchain import __version__
 from lcmchain.check import run_effects
 from lcmchain.check.tool_strokes import tools_never_touched
 from lcmchain.effects.process.mass_scaling import added_mass
-from lcmchain.judgements.contact import penetration_warnings
-from lcmchain.judgements.fibre_strain import fibre_strain_measures, fibre_strain_warnings
+from lcmchain.judgements.contact import (
+    hidden_compaction,
+    hidden_compaction_warnings,
+    penetration_warnings,
+)
+from lcmchain.judgements.fields import fibre_strain_measures, fibre_strain_warnings, field_warnings
 from lcmchain.judgements.quasi_static import (
     balance_warning,
     idle_energy,
@@ -99,7 +103,6 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
-    from lcmchain.fields.limits import hidden_compaction, hidden_compaction_warnings
     from lcmchain.fields.loads import stop_warnings, tool_stops
     from lcmchain.fields.stages import rest_warnings, stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
@@ -175,7 +178,6 @@ def _before_release(scene: Scene, times: Sequence[float]) -> int:
 def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:
     """Return where the fields of each sheet leave the range of the model, with its name."""
     from lcmchain.fields.stack import plies_of
-    from lcmchain.fields.summary import field_warnings
     from lcmchain.fields.table import NO_THICKNESS
 
     if len(model.bodies) == 1:

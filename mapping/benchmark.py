@@ -103,14 +103,14 @@ def measure(program: str, side: int) -> MappingTime:
     triangles = np.concatenate([target[1][:, [0, 1, 2]], target[1][:, [0, 2, 3]]])
     given, exact = means(*source), means(target[0], triangles)
     before = largest_memory()
-    times, found = [], np.zeros(0)
+    times, mapped = [], np.zeros(0)
     for _ in range(REPETITIONS):
-        *durations, found = run(side, (*source, target[0], triangles, given))
+        *durations, mapped = run(side, (*source, target[0], triangles, given))
         times.append(durations)
     corners = target[0][triangles]
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.where(found < 1e100, np.linalg.norm(doubled, axis=1), 0.0)
-    difference = np.where(found < 1e100, found - exact, 0.0)
+    areas = np.where(mapped < 1e100, np.linalg.norm(doubled, axis=1), 0.0)
+    difference = np.where(mapped < 1e100, mapped - exact, 0.0)
     error = float(np.sqrt(np.sum(areas * difference**2) / np.sum(areas * exact**2)))
     weights, first, following = (statistics.median(column) for column in zip(*times, strict=True))
     memory = largest_memory() - before

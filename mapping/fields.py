@@ -28,7 +28,7 @@ ONE_DENSITY = 1e-4
 # Fields that count something per area; its total over the covered area is kept.
 CONTENTS = ("areal_fibre_mass",)
 
-# What the error that the mapping adds to a field is called, after the name of the field.
+# Ending of the name of the error that the mapping adds to a field.
 ERROR = "_mapping_error"
 
 # The permeability has one error, that of its tensor.
@@ -200,7 +200,7 @@ def _transfer_content(sheet: Sheet, weights: MappingWeights, per_area: np.ndarra
 def _content_areas(weights: MappingWeights) -> np.ndarray:
     """Area of each cell that its areal mass belongs to [m2], shape (C,).
 
-    Of a surface it is what the sheet covers; a solid that the sheet covers in part has its mass
+    For a surface it is what the sheet covers. A solid that the sheet covers in part has its mass
     spread over all of its volume.
     """
     return weights.cell_area if len(weights.solid_thickness) else covered_areas(weights)
@@ -260,26 +260,26 @@ def _solid_scalars(
         is that of its thickness and fibre volume fraction.
     """
     solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
-    found = {}
+    fields = {}
     if "thickness" in averages:
         formed = np.where(weights.mapped, averages["thickness"], np.nan)
-        found = {
+        fields = {
             "thickness": formed,
             "solid_thickness": solid,
             "thickness_difference": solid / formed - 1.0,
         }
     if "areal_fibre_mass" not in averages:
-        return found
+        return fields
     mass = _contents(sheet, weights, sheet.scalars["areal_fibre_mass"])
     with np.errstate(invalid="ignore", divide="ignore"):  # of a cell without the ply
-        found["areal_fibre_mass"] = mass / weights.cell_area
+        fields["areal_fibre_mass"] = mass / weights.cell_area
         if density is not None:
-            found["fibre_volume_fraction"] = mass / (density * weights.cell_area * solid)
+            fields["fibre_volume_fraction"] = mass / (density * weights.cell_area * solid)
         elif {"fibre_volume_fraction", "thickness"} <= averages.keys():
             per_area = sheet.scalars["thickness"] * sheet.scalars["fibre_volume_fraction"]
             volume = _contents(sheet, weights, per_area)
-            found["fibre_volume_fraction"] = volume / (weights.cell_area * solid)
-    return found
+            fields["fibre_volume_fraction"] = volume / (weights.cell_area * solid)
+    return fields
 
 
 def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limit: float) -> None:
@@ -316,7 +316,7 @@ def require_thickness(target: TargetMesh, fields: Mapping[str, np.ndarray], limi
 
 
 def _contents(sheet: Sheet, weights: MappingWeights, per_area: np.ndarray) -> np.ndarray:
-    """What each cell holds of a content per area of the faces, shape (C,); nan where unmapped."""
+    """Content of each cell, from one per area of the faces, shape (C,); nan where unmapped."""
     return np.where(weights.mapped, contents_of_cells(sheet.surface, weights, per_area), np.nan)
 
 
@@ -353,19 +353,19 @@ def _node_weights(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> 
     farthest = weights.maximum_distance + 2.0 * target.cell_radius
     directions = _around_nodes(target, sides)[nodes]
     closest = closest_points(surface, target.points[nodes], farthest, directions)
-    found = closest.face >= 0
-    node, face = nodes[found], closest.face[found]
+    near = closest.face >= 0
+    node, face = nodes[near], closest.face[near]
     status = np.full(len(target.points), Status.UNMAPPED, dtype=np.int8)
-    status[node] = np.where(closest.beside[found], Status.EXTRAPOLATED, Status.PROJECTED)
+    status[node] = np.where(closest.beside[near], Status.EXTRAPOLATED, Status.PROJECTED)
     distance = np.full(len(target.points), np.nan)
-    distance[node] = closest.distance[found]
+    distance[node] = closest.distance[near]
     return replace(
         weights,
         cell=node,
         face=face,
         average=np.ones(len(node)),
         content=np.zeros(len(node)),
-        place=surface.in_frames(face, closest.foot[found]),
+        place=surface.in_frames(face, closest.foot[near]),
         status=status,
         coverage=(status == Status.PROJECTED).astype(float),
         distance=distance,

@@ -204,8 +204,8 @@ def _point_fields(mapped: MappedFields) -> dict[str, np.ndarray]:
     """Return the fields at the nodes for a VTU file, directions and axes as vectors."""
     if mapped.at_nodes is None:
         return {}
-    found = mapped.at_nodes.scalars | mapped.at_nodes.vectors
-    return {f"{name}{AT_NODES}": values for name, values in found.items()}
+    fields = mapped.at_nodes.scalars | mapped.at_nodes.vectors
+    return {f"{name}{AT_NODES}": values for name, values in fields.items()}
 
 
 def compact(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

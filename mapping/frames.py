@@ -1,4 +1,4 @@
-"""A target that follows the material: its nodes and weights of one frame, in every other frame.
+"""A target that follows the material: its nodes and weights in every frame, from those of one.
 
 The functions take and return arrays and geometry alone, so that films, files and co-simulation
 units use the same ones.

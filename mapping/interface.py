@@ -149,13 +149,13 @@ def read_interface(path: Path | str) -> Interface:
 
 
 # --- fields between the cells and their patches, both ways, conserving what they carry ------------
-# Up: what a patch holds is the sum over its cells, what it has (thickness, pressure) their mean by
-# weight. Down: sums are shared out by weight; means are constant over a patch, or follow the
-# gradient that the patches around it tell. Constant down is the transpose of sum up: with pressure
-# one way and volume rate the other, both sides of a coupling count the same work.
+# Up: a content of a patch is the sum over its cells, a state (thickness, pressure) their mean by
+# weight. Down: contents are shared out by weight; states are constant over a patch, or follow the
+# gradient from the patches around it. Constant down is the transpose of sum up: with pressure one
+# way and volume rate the other, both sides of a coupling count the same work.
 
-# Of the largest spread of the patches around one: below the first they lie almost in a line, and
-# those around them are asked as well; directions with less than the second have no gradient.
+# Parts of the largest spread of the patches around one. Below the first they lie almost in a line,
+# and the patches around them are taken too. Directions with less than the second have no gradient.
 IN_A_LINE = 0.3
 FLAT = 0.05
 #: Most rings of patches that a gradient is taken from.
@@ -459,9 +459,9 @@ def _group_piece(
 def _rounded(
     places: np.ndarray, areas: np.ndarray, graph: csr_matrix, count: int
 ) -> tuple[np.ndarray, float]:
-    """Return the patches that suit the places of the cells, and what :func:`_nearest` had to move.
+    """Return the patches that suit the places of the cells, and the area that had to be moved.
 
-    That is the largest of all rounds.
+    It is the largest area that :func:`_nearest` moved in a round.
     """
     most = 0.0
     of_cell = _bisected(places, areas, count)
@@ -478,11 +478,11 @@ def _distances(centres: np.ndarray, graph: csr_matrix) -> np.ndarray:
     """Return distances along the sheet to a few far cells, as places of the cells, (C, n)."""
     ways = _ways(centres, graph)
     far = dijkstra(ways, indices=0).argmax()
-    found = []
+    distances = []
     for _ in range(LANDMARKS):
-        found.append(dijkstra(ways, indices=far))
-        far = np.min(found, axis=0).argmax()
-    return np.stack(found, axis=1)
+        distances.append(dijkstra(ways, indices=far))
+        far = np.min(distances, axis=0).argmax()
+    return np.stack(distances, axis=1)
 
 
 def _ways(centres: np.ndarray, graph: csr_matrix) -> csr_matrix:

@@ -26,8 +26,17 @@ from lcmchain.report.renderer import (
     even_places,
     fit_axis,
 )
-from lcmchain.report.shown import SHOWN, Shown, colour_scale
-from lcmchain.report.style import FAINT, FIBRE_COLOURS, RC, headline, new_figure, save
+from lcmchain.report.style import (
+    FAINT,
+    FIBRE_COLOURS,
+    RC,
+    SHOWN,
+    Shown,
+    colour_scale,
+    headline,
+    new_figure,
+    save,
+)
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
 DRAWN = ("thickness", "fibre_volume_fraction")

@@ -20,9 +20,9 @@ from lcmchain.mapping.surfaces.surface import Surface
 
 #: Share of a cell that one ply may have more than another one by rounding: the first one leads.
 EVEN = 1e-9
-#: What the share of a ply in the cells is called, before the name of the ply.
+#: Beginning of the name of the field with the share of a ply in the cells; the ply's name follows.
 SHARE = "ply_share_"
-#: What its place along the normal of a shell is called.
+#: The same of the field with its height along the normal of a shell.
 HEIGHT = "ply_height_"
 #: Share of a ply's area that may lie beside the largest one without a word.
 LEAST_BEYOND = 1e-3
@@ -185,9 +185,9 @@ def _beyond(
 
 def leading_values(each: list[dict[str, np.ndarray]], leading: np.ndarray) -> dict[str, np.ndarray]:
     """Values of the ply that leads in each cell, of the fields that any ply has."""
-    found = {}
+    chosen = {}
     for name in dict.fromkeys(name for fields in each for name in fields):
         shape = next(fields[name] for fields in each if name in fields).shape
         stacked = np.stack([fields.get(name, np.full(shape, np.nan)) for fields in each])
-        found[name] = stacked[leading, np.arange(len(leading))]
-    return found
+        chosen[name] = stacked[leading, np.arange(len(leading))]
+    return chosen

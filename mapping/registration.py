@@ -43,8 +43,8 @@ KEPT = 0.9
 # A motion helps where it leaves less than this part of the distance, and less than a thickness.
 HELPS = 0.5
 
-# What turns a part by less than this [rad], or shifts it by less than this part of the distance
-# that remains, is not worth a word.
+# Rotations below this [rad], and shifts below this part of the distance that remains, are not worth
+# a word.
 SMALL_TURN = np.radians(0.005)
 
 

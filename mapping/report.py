@@ -19,7 +19,7 @@ from lcmchain.mapping.fields import (
     covered_areas,
     facing,
 )
-from lcmchain.mapping.formats.report import ExportReport
+from lcmchain.mapping.formats.format import ExportReport
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.surfaces.averages import perpendicular_family_error
@@ -114,11 +114,11 @@ class MappingReport:
         """How the target lies to the sheet, and the motion that was applied to it."""
         if self.registration is None:
             return ""
-        found = Registration(**self.registration)
-        text = f"; {found.distance_in_words()}"
+        registration = Registration(**self.registration)
+        text = f"; {registration.distance_in_words()}"
         if self.registered:
-            after = f"{1e3 * found.root_mean_square_after:.3f} mm"
-            text += f"; mapped as if {found.motion_in_words()}, which leaves {after}"
+            after = f"{1e3 * registration.root_mean_square_after:.3f} mm"
+            text += f"; mapped as if {registration.motion_in_words()}, which leaves {after}"
         return text
 
 
@@ -218,34 +218,34 @@ def _normal_warnings(opposite: int | None, weights: MappingWeights) -> list[str]
 
 
 def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[str]:
-    found = []
+    warnings = []
     if "thickness" not in sheet.scalars:
-        found.append(
+        warnings.append(
             "the forming result holds no thickness (a 2D approach predicts none): mapped are "
             f"{', '.join([*mapped.scalars, *mapped.vectors])}"
         )
     extrapolated = np.flatnonzero(weights.status == Status.EXTRAPOLATED)
     if len(extrapolated):
-        found.append(
+        warnings.append(
             f"{len(extrapolated)} cells reach beyond the edge of the sheet and take the values of "
             f"its nearest part ({first_few(extrapolated)})"
         )
     unmapped = np.flatnonzero(~weights.mapped)
     if len(unmapped):
-        found.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
+        warnings.append(f"{len(unmapped)} cells are unmapped and hold no values (NaN) "
                      f"({first_few(unmapped)})")  # fmt: skip
     if weights.missed.any():
         faces = np.flatnonzero(weights.missed)
         share = sheet.surface.areas[faces].sum() / sheet.surface.areas.sum()
-        found.append(
+        warnings.append(
             f"{len(faces)} faces of the sheet lie over the target and no cell takes from them "
             f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies "
             "in folds or walls there that the target lacks, and their fibres are missing"
         )
-    found += _permeability_warnings(weights, mapped)
-    found += _solid_warnings(weights, mapped)
+    warnings += _permeability_warnings(weights, mapped)
+    warnings += _solid_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:
-        found.append(
+        warnings.append(
             "the target bends sharply or covers parts of the sheet more than once: contents were "
             f"scaled by up to {100 * weights.wedge_correction:.0f} % to keep the fibre mass"
         )
@@ -255,53 +255,53 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
             continue
         mixed = np.flatnonzero(family.alignment < LOW_ALIGNMENT)
         if len(mixed):
-            found.append(
+            warnings.append(
                 f"{name} varies strongly within {len(mixed)} cells ({first_few(mixed)}); refine "
                 "the target there"
             )
         tilted = np.flatnonzero(family.tilt > LARGE_TILT)
         if len(tilted):
-            found.append(
+            warnings.append(
                 f"{name} leaves the plane of {len(tilted)} cells by up to "
                 f"{np.degrees(np.nanmax(family.tilt)):.0f} degrees ({first_few(tilted)}); the "
                 "target has another shape there"
             )
     if kind == "structure" and error is not None and error > NOTABLE_ANGLE:
-        found.append(
+        warnings.append(
             "both fibre directions are kept here; a solver deck with one orientation per element "
             "takes the second family as perpendicular to the first and is wrong by up to "
             f"{np.degrees(error):.1f} degrees (cell {error_cell})"
         )
     if target.ignored:
         cells = ", ".join(f"{count} {name}" for name, count in target.ignored.items())
-        found.append(f"cells of the target file left aside: {cells}")
-    found += target.notes
+        warnings.append(f"cells of the target file left aside: {cells}")
+    warnings += target.notes
     if sheet.unused:
-        found.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
-    return found
+        warnings.append(f"fields left aside, no scalars or with holes: {', '.join(sheet.unused)}")
+    return warnings
 
 
 def _solid_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:
     """Cells of a solid that hold less textile than they have room for, and their thickness."""
-    found: list[str] = []
+    warnings: list[str] = []
     if not len(weights.solid_thickness):
-        return found
+        return warnings
     difference = np.abs(mapped.scalars.get("thickness_difference", np.zeros(0)))
     if len(difference) and np.nanmax(difference) > NOTABLE_DIFFERENCE:
         worst = int(np.nanargmax(difference))
         signed = mapped.scalars["thickness_difference"][worst]
-        found.append(
+        warnings.append(
             f"the solid mesh is up to {100.0 * abs(signed):.2g} % "
             f"{'thicker' if signed > 0.0 else 'thinner'} than the formed textile (cell {worst}); "
             "its fibre volume fraction is that of the formed fibre mass in its own thickness"
         )
     partly = np.flatnonzero(weights.mapped & (weights.coverage < COVERED))
     if len(partly):
-        found.append(
+        warnings.append(
             f"{len(partly)} cells lie beyond the sheet in part or whole and hold fibre only where "
             f"it is ({first_few(partly)})"
         )
-    return found
+    return warnings
 
 
 def _permeability_warnings(weights: MappingWeights, mapped: MappedFields) -> list[str]:

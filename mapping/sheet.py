@@ -169,7 +169,7 @@ def file_sha256(path: Path | str) -> str:
 # Fields that later stages cannot do without: a hole in one of them stops the mapping.
 NEEDED = ("thickness", "fibre_volume_fraction", "areal_fibre_mass", "shear_angle", *FIBRE_FAMILIES)
 
-# What a forming result says of itself and a mapped one repeats.
+# Attributes of a forming result that a mapped one repeats.
 _PROVENANCE = (
     "title", "history", "source", "institution", "comment", "state",
     "material", "areal_mass_kg_m2", "fibre_density_kg_m3",
@@ -268,8 +268,8 @@ def _face_fields(
 ) -> tuple[dict[str, np.ndarray], dict[str, dict]]:
     """Return values on the faces (F,) and attributes of every field of faces or nodes.
 
-    Of the nodes only scalars are taken, such as the pressure of tools: a displacement or position
-    of the sheet says nothing of the target.
+    Only scalars are taken from nodes, such as the pressure of tools: a displacement or position of
+    the sheet says nothing of the target.
     """
     corners = faces >= 0
     fields, attributes = {}, {}
@@ -421,7 +421,8 @@ def _holes_of(values: np.ndarray, ply: np.ndarray | None) -> np.ndarray:
 
 # --- whether a file is a whole forming result: a mesh, its faces, and fields in SI units ----------
 
-#: What the netCDF libraries raise on a damaged file, when it is opened or when values are read.
+#: Errors that the netCDF libraries raise on a damaged file, when it is opened or when values are
+#: read.
 UNREADABLE = (OSError, ValueError, RuntimeError, KeyError, TypeError, AttributeError, IndexError)
 
 # Farthest place of a node [m] that squares and products of lengths can be computed with.
@@ -445,30 +446,30 @@ def _mesh_of(dataset: xr.Dataset, name: str) -> tuple[Mapping[str, Any], xr.Data
     ------
     InputError : there is none or several, or its connectivity is no table of whole numbers.
     """
-    found = [
+    meshes = [
         variable.attrs
         for variable in dataset.variables.values()
         if str(variable.attrs.get("cf_role")) == "mesh_topology"
         and str(variable.attrs.get("topology_dimension")) == "2"
     ]
-    if len(found) != 1:
+    if len(meshes) != 1:
         raise InputError(
-            f"a forming result has one two-dimensional mesh, this has {len(found)}", file=name
+            f"a forming result has one two-dimensional mesh, this has {len(meshes)}", file=name
         )
-    if "skin_of" in found[0]:
+    if "skin_of" in meshes[0]:
         raise InputError(
             "this holds fields on a solid mesh, which is no formed sheet; map from forming.nc",
             file=name,
         )
-    key = str(found[0].get("face_node_connectivity"))
+    key = str(meshes[0].get("face_node_connectivity"))
     if key not in dataset.variables:
         raise InputError(f'the mesh has no faces: there is no variable "{key}"', file=name)
     connectivity = dataset[key]
     if connectivity.ndim != 2 or connectivity.dtype.kind not in "iuf":
         raise InputError(f'the faces of the mesh ("{key}") are no table of node numbers', file=name)
-    if found[0].get("face_dimension") not in (None, connectivity.dims[0]):
+    if meshes[0].get("face_dimension") not in (None, connectivity.dims[0]):
         raise InputError("the mesh says two things about the dimension of its faces", file=name)
-    return found[0], connectivity
+    return meshes[0], connectivity
 
 
 def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
@@ -481,10 +482,10 @@ def _require_si(dataset: xr.Dataset, positions: list[str], name: str) -> None:
     wanted: dict[str, tuple[str, ...]] = dict.fromkeys(positions, _POSITION_UNITS)
     wanted |= {key: (field.units,) for key, field in FIELD_OF_VARIABLE.items() if key not in wanted}
     for key, units in wanted.items():
-        found = dataset[key].attrs.get("units") if key in dataset else None
-        if found is not None and str(found) not in units:
+        unit = dataset[key].attrs.get("units") if key in dataset else None
+        if unit is not None and str(unit) not in units:
             raise InputError(
-                f'{key} is in "{found}", but a forming result has it in "{units[0]}"; convert it '
+                f'{key} is in "{unit}", but a forming result has it in "{units[0]}"; convert it '
                 "or form again",
                 file=name,
             )
@@ -530,7 +531,11 @@ def _require_sound_fields(
         outside = np.flatnonzero((values < low) | (values > high))
         if len(outside):
             value = values[outside[0]]
-            raise InputError(f"{key} of face {outside[0]} is {value:g}, which is none", file=name)
+            raise InputError(
+                f"{key} of face {outside[0]} is {value:g} in SI units; in a formed textile it lies "
+                f"between {low:g} and {high:g}: look at the forming result",
+                file=name,
+            )
     for family in FIBRE_FAMILIES:
         alone = [key for key in scalars if key in {f"{family}_{axis}" for axis in "xyz"}]
         if alone:

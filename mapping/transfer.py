@@ -1,7 +1,7 @@
 """A sheet onto a target: the weights between the two, and all fields, of one ply or of several.
 
 The plies of a stack are mapped one by one onto the cells of a surface, and together onto solid
-cells, where they share the thickness. What they are together follows from what each of them is.
+cells, where they share the thickness. Fields of the stack follow from those of its plies.
 """
 
 from __future__ import annotations
@@ -184,10 +184,10 @@ def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mapp
     Every field of a ply has the ply's name before its own, and so have all of its values: a cell
     without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
     volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
-    from a shell along its normal, which tells the order of the plies there. Thickness, areal mass
-    and fibre volume fraction without a name are those of all plies, and the permeability is that
-    of the layers that they make; any other field without a name is that of the ply with the
-    largest share, of several the first.
+    from a shell along its normal, which tells the order of the plies there. Without the name of a
+    ply, thickness, areal mass and fibre volume fraction are those of all plies, and the
+    permeability is that of the layers together. Any other field without such a name is that of the
+    ply with the largest share, the first one where shares are equal.
     """
     names = sheet.ply_names
     shares = _shares(sheet, weights)
@@ -263,18 +263,18 @@ def _totals_of_solids(
 ) -> dict[str, np.ndarray]:
     """Totals of solid cells: of masses by the cell's area, of fibre volumes by its volume."""
     solid = np.where(weights.mapped, weights.solid_thickness, np.nan)
-    found = {"solid_thickness": solid} if "thickness" in names else {}
+    totals = {"solid_thickness": solid} if "thickness" in names else {}
     if "thickness" in names:
-        found["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
-        found["thickness_difference"] = solid / found["thickness"] - 1.0
+        totals["thickness"] = np.where(weights.mapped, weights.formed_thickness, np.nan)
+        totals["thickness_difference"] = solid / totals["thickness"] - 1.0
     held = np.stack([ply_weights.mapped for ply_weights in own])
     areas = np.stack([ply_weights.cell_area for ply_weights in own]) / weights.cell_area
     for name, part in (("areal_fibre_mass", areas), ("fibre_volume_fraction", shares)):
         if name in names:
             values = np.stack([mapped.scalars[name] for mapped in each])
             total = np.where(held, part * values, 0.0).sum(axis=0)
-            found[name] = np.where(weights.mapped, total, np.nan)
-    return found
+            totals[name] = np.where(weights.mapped, total, np.nan)
+    return totals
 
 
 def _leading_directions(

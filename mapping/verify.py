@@ -89,7 +89,7 @@ def verify(
     fine = transfer(fine_sheet, fine_target, fine_weights)
     share = _shares(fine_weights, parent, target.cell_count)
     found = _differences(mapped, _means(fine, parent, share, target.cell_count))
-    # What a solid has of its own, such as its thickness, does not come from the sheet.
+    # a solid has fields of its own, such as its thickness, which do not come from the sheet
     of_sheet = {*sheet.scalars, *sheet.directions, PERMEABILITY}
     cells = {name: errors for name, errors in found.items() if name in of_sheet}
     area = np.where(weights.mapped, covered_areas(weights), 0.0)
@@ -363,7 +363,7 @@ def means_of_parts(
     offset = parts.centroids - surface.centroids[parent]
     rows, _ = _rows(offset, _moments(parts) - moment[parent], surface.frames[parent])
     found = values[parent] + np.einsum("pk,pkn->pn", rows, coefficients[parent])
-    # What rounding and warped faces leave of the mean is taken from all parts alike.
+    # the mean changes a little by rounding and warped faces: all parts give it back alike
     area = np.bincount(parent, weights=parts.areas, minlength=surface.face_count)
     share = (parts.areas / area[parent])[:, None]
     mean = np.zeros_like(values)

@@ -12,7 +12,6 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.formed_part import UNFORMED
 from lcmchain.coupling.infiltration.results import FilledPart
-from lcmchain.report.animation import DPI, DURATION, HEIGHT, LEAST, WIDTH, write_film
 from lcmchain.report.drawn_tools import DepthBuffer, divided_segments
 from lcmchain.report.renderer import (
     axes_at,
@@ -22,6 +21,7 @@ from lcmchain.report.renderer import (
     fit_axis,
     label_axes,
 )
+from lcmchain.report.run_pictures import DPI, DURATION, HEIGHT, LEAST, WIDTH, write_film
 from lcmchain.report.style import FAINT, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.report.view import (
     FROM_ABOVE,

@@ -32,9 +32,8 @@ from lcmchain.study.choice import Choice, Wish, mm, read_wish
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.runs import Rehearsal, Study, Workers
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.runs import Beginning, Study, Workers
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.study.step_settings import AS_IT_IS, StepSettings
 
 #: Counted time of an element of the solid-shell and of a triangle in a step, of a step beside them,
@@ -326,9 +325,9 @@ class CountingChooser(Chooser):
         super().__init__(text, folder, wish, threads=1)
         self.study = CountedStudy(text, folder, Workers(1, 1))
 
-    def _rehearse(self, edge: float) -> Rehearsal:
+    def _begin(self, edge: float) -> Beginning:
         variant = Variant("", "", self._overrides(edge, AS_IT_IS), edge)
-        return Rehearsal(expected(self.text, variant), self._rehearsed_for)
+        return Beginning(expected(self.text, variant), self._begun_for)
 
 
 # --- one scene ------------------------------------------------------------------------------------

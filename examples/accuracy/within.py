@@ -19,8 +19,7 @@ from lcmchain.study.choice import mm, read_wish
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.runs import Study, Workers
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.sources import SceneText, Variant
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from with_time import entries_with_time

@@ -24,7 +24,10 @@ import numpy as np
 from lcmchain import read_scene, run
 from lcmchain.fields import read_forming, read_group
 from lcmchain.fields.derived import face_area_vectors
-from lcmchain.fields.measures import (
+from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
+from lcmchain.report.pictures import draw_comparison
+from lcmchain.report.style import SHOWN
+from lcmchain.verification.hemisphere import (
     FLANGE_RADIUS,
     LOCAL_AREAS,
     area_mean_shear,
@@ -33,9 +36,6 @@ from lcmchain.fields.measures import (
     root_mean_square,
     symmetric_mean,
 )
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
-from lcmchain.report.pictures import draw_comparison
-from lcmchain.report.shown import SHOWN
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from with_time import entries_with_time

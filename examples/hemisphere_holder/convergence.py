@@ -25,9 +25,9 @@ from scipy.optimize import brentq
 
 from lcmchain import read_scene, run
 from lcmchain.errors import SimulationError
-from lcmchain.fields.measures import LOCAL_AREAS, area_mean_shear, draw_in
 from lcmchain.fields.sheet import reference_positions
 from lcmchain.model import build_model
+from lcmchain.verification.hemisphere import LOCAL_AREAS, area_mean_shear, draw_in
 
 EXAMPLES = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(EXAMPLES / "quasi_static"))

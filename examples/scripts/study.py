@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 
 from lcmchain.study import read_source
-from lcmchain.study.sampling import read_entry
-from lcmchain.study.sweep import run_sweep, write_sweep
+from lcmchain.study.sweep import read_entry, run_sweep, write_sweep
 
 SCENE = Path(__file__).with_name("dome.toml")
 

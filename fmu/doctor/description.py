@@ -67,20 +67,20 @@ def read_description(folder: Path, unit: Path) -> Description:
             f'its modelDescription.xml is not one of FMI 1.0, 2.0 or 3.0 (fmiVersion "{version}")',
             file=unit,
         )
-    found = [kind for kind in KINDS if root.find(kind) is not None]
-    head = root.find(found[0]) if found else root
+    kinds = [kind for kind in KINDS if root.find(kind) is not None]
+    head = root.find(kinds[0]) if kinds else root
     if version.startswith("1"):  # there the name of the binary stands at the root
         head = root
-        found = ["CoSimulation" if root.find("Implementation") is not None else "ModelExchange"]
+        kinds = ["CoSimulation" if root.find("Implementation") is not None else "ModelExchange"]
     identifier = head.get("modelIdentifier") if head is not None else None
-    if not found or not identifier:
+    if not kinds or not identifier:
         raise InputError("its modelDescription.xml names no binary (modelIdentifier)", file=unit)
     variables = root.find("ModelVariables")
     return Description(
         fmi_version=version,
         model_name=root.get("modelName", ""),
         generation_tool=root.get("generationTool", ""),
-        kinds=tuple(found),
+        kinds=tuple(kinds),
         identifier=identifier,
         abilities={} if head is None else dict(head.attrib),
         variable_count=0 if variables is None else len(variables),

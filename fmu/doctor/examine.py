@@ -112,15 +112,15 @@ def _examine_command(diagnosis: Diagnosis, resources: Path) -> None:
             f"its launch.toml names no command for {system}, which its binary would start",
         )  # fmt: skip
         return
-    found = shutil.which(program)
+    path_of_program = shutil.which(program)
     words = " ".join(str(word) for word in command)
-    if found is None:
+    if path_of_program is None:
         diagnosis.add(
             Level.MISSING, "command", f'it starts "{words}", and there is no {program} here',
             f"install {program}, or put its folder into PATH",
         )  # fmt: skip
     else:
-        diagnosis.add(Level.OK, "command", f'it starts "{words}" with {found}')
+        diagnosis.add(Level.OK, "command", f'it starts "{words}" with {path_of_program}')
 
 
 def _tell_dependencies(diagnosis: Diagnosis, documentation: Path) -> None:

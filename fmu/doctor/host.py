@@ -9,8 +9,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from lcmchain.errors import InputError
+from lcmchain.fmu.doctor.binary import link, read_shared_object
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
-from lcmchain.fmu.doctor.libraries import link, read_shared_object
 from lcmchain.fmu.doctor.python import Interpreter
 
 
@@ -21,10 +21,10 @@ def find_host(name: str) -> Path:
     ------
     InputError : there is none of that name.
     """
-    found = shutil.which(name)
-    if found is None:
+    path = shutil.which(name)
+    if path is None:
         raise InputError(f'there is no program "{name}"; name its file', key="--host")
-    return Path(found)
+    return Path(path)
 
 
 def python_of(host: Path) -> Path | None:

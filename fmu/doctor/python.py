@@ -1,4 +1,4 @@
-"""A unit written in Python: what is in it, the Python that will run it, and what it needs of that.
+"""A unit written in Python: its content, the Python that will run it, and what it needs of it.
 
 pythonfmu and pythonfmu3 put the name of the model's module into ``resources/slavemodule.txt``, the
 module beside it, and a copy of their own package.
@@ -19,8 +19,8 @@ from pathlib import Path
 from packaging.requirements import InvalidRequirement, Requirement
 
 from lcmchain.errors import InputError
+from lcmchain.fmu.doctor.binary import link, read_shared_object
 from lcmchain.fmu.doctor.findings import Diagnosis, Finding, Level
-from lcmchain.fmu.doctor.libraries import link, read_shared_object
 
 
 def examine_python(
@@ -103,15 +103,15 @@ def examine_library(
 
 
 def _requirements(content: PythonContent | None) -> list[Requirement]:
-    found = []
+    requirements = []
     for line in () if content is None else content.requirements:
         try:
             requirement = Requirement(line)
         except InvalidRequirement:
             continue  # an address or a folder, told by _requirement_findings
         if requirement.marker is None or requirement.marker.evaluate():
-            found.append(requirement)
-    return found
+            requirements.append(requirement)
+    return requirements
 
 
 def _module_findings(content: PythonContent, python: Interpreter) -> Iterator[Finding]:
@@ -372,14 +372,14 @@ def ask_interpreter(
     ------
     InputError : it cannot be started, or is none.
     """
-    found = shutil.which(str(python))
-    if found is None:
+    path = shutil.which(str(python))
+    if path is None:
         raise InputError(f'there is no Python "{python}"; name its file', key="--python")
     asked = json.dumps({"modules": list(modules), "distributions": list(distributions)})
     try:
         with tempfile.TemporaryDirectory() as empty:
             done = subprocess.run(
-                [str(Path(found).absolute()), "-c", _PROBE, asked],
+                [str(Path(path).absolute()), "-c", _PROBE, asked],
                 capture_output=True, encoding="utf-8", errors="replace", timeout=60,
                 cwd=empty,
             )  # fmt: skip

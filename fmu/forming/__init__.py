@@ -2,7 +2,7 @@
 
     scene ─▶ scene_parameters.py (entries that a master may set) ─▶ variables.py: the interface
     inputs ─▶ part.py (FormingPart) ─▶ outputs ─▶ interface.py: from elements to patches
-                └▶ frames.py: saved on the way, written as forming.nc at the end
+                └▶ frames, saved on the way and written as forming.nc at the end
 
 The unit is built by :func:`lcmchain.fmu.build.build_fmu`.
 """

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from lcmchain.errors import InputError
+from lcmchain.fmu.variables import Outputs
 from lcmchain.mapping.interface import Interface
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
-# --- Fields of a forming unit between the elements and its interface ----------------------------
-
-
-#: What a patch holds the sum of; of all else it has the mean by area.
+#: Fields of which a patch has the sum over its elements; of all others it has the mean by area.
 SUMMED = ("volume", "volume_rate", "volume_rate_slope", "area", "area_rate")
 
 
@@ -44,17 +41,19 @@ def interface_of(meshes: Sequence[SheetMesh], count: int) -> Interface:
     return Interface.of_mesh(np.concatenate(sheets), np.concatenate(faces), part=ply)
 
 
-def at_interface(interface: Interface, found: Mapping[str, Any], step: float) -> dict[str, Any]:
+def at_interface(interface: Interface, outputs: Outputs, step: float) -> Outputs:
     """Return outputs with their fields brought from the elements to the patches.
 
     Sums are kept, and ``fluid_thickness`` stays volume over area, which its rate over the last
     ``step`` [s] follows.
     """
     if not interface.is_coarse:
-        return dict(found)
+        return outputs
     values = {
-        name: _up(name, interface)(value) if np.ndim(value) == 1 else value
-        for name, value in found.items()
+        name: _up(name, interface)(value)
+        if isinstance(value, np.ndarray) and value.ndim == 1
+        else value
+        for name, value in outputs.items()
     }
     if "fluid_thickness" in values and {"volume", "area"} <= values.keys():
         volume, area = values["volume"], values["area"]

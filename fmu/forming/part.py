@@ -12,6 +12,7 @@ from uuid import NAMESPACE_URL, uuid5
 
 import numpy as np
 
+from lcmchain.coupling.forming_fields import forming_datasets
 from lcmchain.coupling.iteration.interface import (
     PORE_PRESSURE,
     PRESSURE_AT_REST,
@@ -19,12 +20,12 @@ from lcmchain.coupling.iteration.interface import (
 )
 from lcmchain.coupling.solids.explicit import ExplicitForming, SavedForming
 from lcmchain.coupling.solids.stack import forming_of_scene
+from lcmchain.elements.family import Body
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fields import derive_fields
+from lcmchain.fields import derive_fields, write_forming_netcdf
 from lcmchain.fields.between_plies import BetweenPlies, ContactOfFaces
 from lcmchain.fields.stack import StackedPly, columns_of
 from lcmchain.fmu.conduct import Status
-from lcmchain.fmu.forming.frames import with_present, write_result
 from lcmchain.fmu.forming.interface import at_interface
 from lcmchain.fmu.forming.scene_parameters import SceneParameter, overrides, scene_parameters
 from lcmchain.fmu.forming.variables import (
@@ -52,10 +53,11 @@ from lcmchain.fmu.part import (
     named_arrays,
     require_writable,
 )
-from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.model import build_model
 from lcmchain.provenance import run_fingerprint
+from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
@@ -66,7 +68,10 @@ from lcmchain.tools.table import turning
 # A tool may go back to the motion of the scene where its travel is that of the scene [m].
 TRAVEL_TOLERANCE = 1e-6
 
-# What a simulation keeps itself.
+# Communication points seldom hit the times of the scene's frames exactly.
+TIME_TOLERANCE = 1e-6
+
+# Entries of a saved state that the simulation itself keeps.
 _OF_SIMULATION = ("state", "control")
 
 
@@ -306,9 +311,9 @@ class FormingPart(Part):
 
     # --- outputs ----------------------------------------------------------------------------------
 
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the outputs of a group by name."""
-        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
+        compute: dict[str, Callable[[], Outputs]] = {
             TOOLS: self._tool_outputs,
             ENERGY: self._energy_outputs,
             FIELDS: self._field_outputs,
@@ -342,11 +347,11 @@ class FormingPart(Part):
         """Force on the blank, way of the place since the start, and whether it holds."""
         model, state = self.simulation.model, self.simulation.state
         values: dict[str, float] = {}
-        found = zip(
+        grips = zip(
             model.grips, grip_forces(model, state), let_go_times(model, state),
             grippers_at_work(model), strict=True,
         )  # fmt: skip
-        for grip, force, let_go, works in found:
+        for grip, force, let_go, works in grips:
             prefix = quoted(grip.name)
             travel = state.position[:, grip.nodes] @ grip.weights - grip.place
             values |= {f"{prefix}.grip_force_{axis}": part for axis, part in zip("xyz", force)}
@@ -366,7 +371,7 @@ class FormingPart(Part):
 
     @property
     def _prefixes(self) -> list[str]:
-        """What the names of the outputs of each body begin with: its ply, in a stack."""
+        """Prefixes of the outputs of each body: the name of its ply in a stack, else empty."""
         bodies = self.simulation.model.bodies
         return [f"{quoted(body.name)}." for body in bodies] if len(bodies) > 1 else [""]
 
@@ -396,7 +401,7 @@ class FormingPart(Part):
         return values
 
     def _stack_outputs(self) -> dict[str, float | np.ndarray]:
-        """What lies over each other, on the elements of all plies in the order of the plies."""
+        """Sums over the plies that lie over each other, on the elements of every ply."""
         position, stage = self.simulation.state.position, self.simulation.model.present_stage
         absent = None if stage is None else stage.absent
         plies = [
@@ -418,7 +423,7 @@ class FormingPart(Part):
         return values
 
     def _between_outputs(self) -> dict[str, float]:
-        """What plies do to each other, as in ``summary.json`` of a run that ends here."""
+        """Contact between plies, as in ``summary.json`` of a run that ends here."""
         model, state = self.simulation.model, self.simulation.state
         prefixes, of_all = self._prefixes, ContactOfFaces()
         each = [ContactOfFaces() for _ in prefixes]
@@ -432,8 +437,8 @@ class FormingPart(Part):
                     faces.add_to(of_all, nodes)
         values: dict[str, float] = {}
         for prefix, contact in zip([*prefixes, ""], [*each, of_all], strict=True):
-            found = list(contact.measures().values()) or [0.0] * len(BETWEEN_SCALARS)
-            for (name, *_), value in zip(BETWEEN_SCALARS, found, strict=True):
+            measures = list(contact.measures().values()) or [0.0] * len(BETWEEN_SCALARS)
+            for (name, *_), value in zip(BETWEEN_SCALARS, measures, strict=True):
                 values[f"{prefix}{name}"] = value
         return values
 
@@ -454,9 +459,9 @@ class FormingPart(Part):
     def _fluid_outputs(self) -> dict[str, np.ndarray]:
         assert self.wet is not None
         names = {e[0]: e[0].removeprefix("fluid_") for e in FLUID_OUTPUTS}
-        found = self.wet.get_fields(list(names.values()))
-        assert REFERENCE_PRESSURE in found
-        return {own: found[name] for own, name in names.items()}
+        fields = self.wet.get_fields(list(names.values()))
+        assert REFERENCE_PRESSURE in fields
+        return {own: fields[name] for own, name in names.items()}
 
     def _solver_outputs(self) -> dict[str, float]:
         return {
@@ -465,7 +470,7 @@ class FormingPart(Part):
         }
 
 
-def _own(body: Any, position: np.ndarray) -> np.ndarray:
+def _own(body: Body, position: np.ndarray) -> np.ndarray:
     """Return a body's part (n, 3) of the positions of all nodes (3, node_count)."""
     nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
     return np.ascontiguousarray(position[:, nodes].T)
@@ -493,3 +498,57 @@ def _beside_the_simulation(saved: SavedForming) -> dict[str, Any]:
         for entry in dataclasses.fields(saved)
         if entry.name not in _OF_SIMULATION
     }
+
+
+# --- saved frames, and the result file ------------------------------------------------------------
+
+
+def with_present(
+    frames: tuple[Snapshot, ...], simulation: Simulation, scene: Scene, *, last: bool = False
+) -> tuple[Snapshot, ...]:
+    """Append the present if a frame interval of the scene has passed, or if it is the last one."""
+    if frames:
+        waited = simulation.time - frames[-1].time
+        interval = _interval_after(frames[-1].time, scene)
+        if waited <= 0.0 or (not last and waited < interval * (1.0 - TIME_TOLERANCE)):
+            return frames
+    return (*frames, simulation.snapshot())
+
+
+def _interval_after(time: float, scene: Scene) -> float:
+    """Return the time from a frame [s] to the next one of the scene: that of a stage at its end."""
+    if not scene.stages:
+        return scene.process.time / (scene.process.frames - 1)
+    times = scene.frame_times
+    after = np.searchsorted(times, time + TIME_TOLERANCE * scene.process.time)
+    return float(times[min(int(after), len(times) - 1)]) - time
+
+
+def write_result(
+    folder: Path,
+    scene: Scene,
+    simulation: Simulation,
+    frames: tuple[Snapshot, ...],
+    *,
+    failure: str = "",
+) -> Path:
+    """Write ``forming.nc`` as a run does, with the saved frames, and return its path.
+
+    failure : why the last step was undone, if it was.
+    """
+    state = _state_of(scene, simulation, failure)
+    path = folder / "forming.nc"
+    write_forming_netcdf(path, forming_datasets(scene, simulation, frames, state=state))
+    return path
+
+
+def _state_of(scene: Scene, simulation: Simulation, failure: str) -> str:
+    """Return what became of the process, in the words of a run's results."""
+    if failure:
+        return stopped(failure)
+    if simulation.time < scene.process.time * (1.0 - TIME_TOLERANCE):
+        return stopped(
+            f"the master ended the simulation after {1e3 * simulation.time:.4g} of "
+            f"{1e3 * scene.process.time:.4g} ms"
+        )
+    return COMPLETE

@@ -1,19 +1,19 @@
 """Entries of a scene that a master may set before initialization: parameters of the unit.
 
-The friction of the tools always; further ones where the scene marks them:
+The friction of the tools is always one. A scene marks further ones:
 
     [fmu]
     parameters = ["tools.holder.motion.mass", "process.mass_damping"]
 
-They are entries with one number. What decides the mesh is none of them: fields have as many values
-as the unit was built with.
+A parameter is an entry with one number. Entries that decide the mesh cannot be parameters, since
+fields have as many values as the unit was built with.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from pydantic import BaseModel
 
@@ -22,9 +22,6 @@ from lcmchain.fmu.variables import UNITS, Kind, Variable, quoted
 from lcmchain.quantities.entry_types import Number, Quantity
 from lcmchain.scene import Scene
 from lcmchain.scene.reading.overrides import _steps
-
-# --- Entries of a scene that a master may set before initialization: parameters of the unit -----
-
 
 #: Tables that decide the mesh or the files.
 OF_THE_BUILD = (
@@ -101,10 +98,10 @@ def _parameter(scene: Scene, key: str) -> SceneParameter:
     return SceneParameter(variable, key, unit)
 
 
-def _entry(scene: Scene, key: str) -> tuple[Any, Any]:
+def _entry(scene: Scene, key: str) -> tuple[object, Quantity | Number | None]:
     """Return the value of a scene's entry, and what its type says of it."""
-    node: Any = scene
-    entry: Any = None
+    node: object = scene
+    entry: Quantity | Number | None = None
     for step in _steps(key):
         if isinstance(node, tuple):
             node = _named(node, step, key)
@@ -117,14 +114,14 @@ def _entry(scene: Scene, key: str) -> tuple[Any, Any]:
     return node, entry
 
 
-def _named(nodes: tuple[Any, ...], step: str | int, key: str) -> Any:
+def _named(nodes: tuple[object, ...], step: str | int, key: str) -> object:
     for index, node in enumerate(nodes):
         if step in (index, str(index), getattr(node, "name", None)):
             return node
     raise InputError(f'the scene has no entry "{key}"', key="fmu.parameters")
 
 
-def _of_types(metadata: Iterable[Any]) -> Iterator[Quantity | Number]:
+def _of_types(metadata: Iterable[object]) -> Iterator[Quantity | Number]:
     for item in metadata:
         if isinstance(item, (Quantity, Number)):
             yield item

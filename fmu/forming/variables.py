@@ -1,4 +1,4 @@
-"""The interface of the forming unit, and what of a scene decides it."""
+"""The interface of the forming unit, and the properties of a scene that decide it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ FORCE_INPUTS = (
      "force added to the load of {tool} along its direction while it is guided"),
 )  # fmt: skip
 
-#: Of a tool that turns.
+#: Inputs of a tool that turns.
 TURN_INPUTS = (
     ("drive", Kind.BOOLEAN, "discrete", None, None, False, "true: {tool} follows velocity_input"),
     ("velocity_input", Kind.REAL, "continuous", "rad/s", "AngularVelocity", 0.0,
@@ -76,7 +76,7 @@ TURN_OUTPUTS = (
      "moment of the blank on {tool} about its axis (negative: it resists a turn forward)"),
     *FORCE_OUTPUTS,
 )  # fmt: skip
-#: Of a gripper, behind its name; and whether it holds.
+#: Outputs of a gripper, behind its name; ``HOLDS`` tells whether it holds.
 HOLDS = "holds"
 GRIPPER_OUTPUTS = (
     ("grip_force_x", "N", "Force", "force of {gripper} on the blank, x component"),
@@ -136,7 +136,7 @@ STACK_SCALARS = tuple(
     for name, unit, declared, group, text in STACK_FIELDS
     for end, size in (("min", "smallest"), ("max", "largest"))
 )
-#: What plies do to each other: of every ply, on both of its faces, and of all plies.
+#: Contact between plies: of every ply, on both of its faces, and of all plies.
 BETWEEN_SCALARS = (
     ("ply_pressure_max", "Pa", "Pressure", BETWEEN,
      "largest pressure of another ply on a face in the last step of the solver"),
@@ -175,7 +175,7 @@ FLUID_FIELDS_OF_FMI2 = (
 
 
 class PlyAbilities(NamedTuple):
-    """What decides which variables a ply of a stack has; entries as in :class:`Abilities`."""
+    """Abilities of a ply, which decide its variables; entries as in :class:`Abilities`."""
 
     name: str
     element_count: int
@@ -387,12 +387,12 @@ def field_names(abilities: Abilities) -> list[str]:
 
 def _unknown(abilities: Abilities) -> set[str]:
     """Return the fields that the elements do not predict, by the names of their variables."""
-    found = set(_unknown_of_sheet(abilities))
+    unknown = set(_unknown_of_sheet(abilities))
     for ply in abilities.plies:
-        found |= {f"{ply.prefix}{name}" for name in _unknown_of_sheet(ply)}
+        unknown |= {f"{ply.prefix}{name}" for name in _unknown_of_sheet(ply)}
         # a sum over the plies is not known where one of them is not
-        found |= {f"stack_{name}" for name in _unknown_of_sheet(ply)}
-    return found
+        unknown |= {f"stack_{name}" for name in _unknown_of_sheet(ply)}
+    return unknown
 
 
 def _unknown_of_sheet(sheet: Abilities | PlyAbilities) -> tuple[str, ...]:
@@ -412,13 +412,13 @@ def _all_fields(abilities: Abilities) -> list[tuple[str, Variable]]:
         of_fluid = [(entry[0], _of_fluid(abilities, *entry)) for entry in FLUID_OUTPUTS]
     if not abilities.plies:
         return [(entry[0], _output(*entry, size=count)) for entry in FIELD_OUTPUTS] + of_fluid
-    found = [
+    variables = [
         (entry[0], _of_ply(ply, entry, size=ply.element_count))
         for ply in abilities.plies
         for entry in FIELD_OUTPUTS
     ]
-    found += [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
-    return found + of_fluid
+    variables += [(entry[0], _output(*entry, size=count)) for entry in STACK_FIELDS]
+    return variables + of_fluid
 
 
 def _where(abilities: Abilities) -> str:
@@ -439,10 +439,10 @@ def _scalars_of_plies(abilities: Abilities) -> list[Variable]:
     """Extrema of every ply, of what lies over each other, and of what is between the plies."""
     if not abilities.plies:
         return []
-    found = [
+    variables = [
         _of_ply(ply, entry) for ply in abilities.plies for entry in (*PLY_SCALARS, *BETWEEN_SCALARS)
     ]
-    return found + [_output(*entry) for entry in (*STACK_SCALARS, *BETWEEN_SCALARS)]
+    return variables + [_output(*entry) for entry in (*STACK_SCALARS, *BETWEEN_SCALARS)]
 
 
 def _of_ply(ply: PlyAbilities, entry: tuple[str, ...], size: int | None = None) -> Variable:
@@ -496,7 +496,7 @@ def _of_grippers(names: Sequence[str]) -> list[Variable]:
 
 
 def _constants(abilities: Abilities) -> list[Variable]:
-    """What was decided when the unit was built, since it decides how many values a field has."""
+    """Return what was fixed when the unit was built: it decides how many values a field has."""
 
     def constant(name, kind, description, start, unit=None, declared=None):
         return Variable(name, kind, "local", "constant", description, unit, declared, start)

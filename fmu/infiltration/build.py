@@ -31,8 +31,6 @@ from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.reading.single_tables import is_scene_file, read_infiltration
 
-# --- Build the unit of an infiltration, with the formed part inside -----------------------------
-
 
 @dataclass(frozen=True)
 class InfiltrationUnit:
@@ -163,15 +161,15 @@ def _stage_case(
     """Copy a case or scene and the files that it names; return it and how a unit finds it."""
     scene = _scene(case, overrides)
     if scene is not None:
-        found = scene.infiltrations
-        name = next(iter(found)) if name is None and len(found) == 1 else name
-        if name not in found:
-            known = ", ".join(found) or "none"
+        infiltrations = scene.infiltrations
+        name = next(iter(infiltrations)) if name is None and len(infiltrations) == 1 else name
+        if name not in infiltrations:
+            known = ", ".join(infiltrations) or "none"
             told = "say which one" if name is None else f'there is no infiltration "{name}"'
             raise InputError(f"{told} (--name); the scene has {known}", file=case)
         moved = stage_scene(scene, resources / "scene")
         entry = {"case": "scene/scene.toml", "entry": name, "overrides": [*overrides, *moved]}
-        return found[name][0], {"name": name, **entry}
+        return infiltrations[name][0], {"name": name, **entry}
     the_case = read_infiltration(case, overrides)
     folder = resources / "case"
     folder.mkdir()

@@ -54,7 +54,7 @@ from lcmchain.fmu.part import (
     named_arrays,
     require_writable,
 )
-from lcmchain.fmu.variables import Variable, quoted
+from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
 from lcmchain.scene import read_scene
 from lcmchain.scene.infiltration import Infiltration
@@ -63,10 +63,10 @@ from lcmchain.scene.reading.single_tables import read_infiltration
 #: Folder of the formed part in the resources, by :mod:`lcmchain.fmu.infiltration.build`.
 PART_FOLDER = "part"
 
-#: What the filling takes where the master moves the volume of its cells.
+#: Fields that the filling takes where the master moves the volume of its cells.
 VOLUME_INPUTS = (VOLUME_RATE, VOLUME_RATE_SLOPE, REFERENCE_PRESSURE, RESISTANCE)
 
-#: Of a gate or vent that the master has shut: it never opens.
+#: Schedule of a gate or vent that the master has shut: it never opens.
 SHUT = Schedule(-2.0, -1.0)
 
 RECORDS = {record.__name__: record for record in (SavedFilling, FillingState, DrySpot)}
@@ -289,9 +289,9 @@ class InfiltrationPart(Part):
 
     # --- outputs ----------------------------------------------------------------------------------
 
-    def outputs(self, group: str) -> Mapping[str, Any]:
+    def outputs(self, group: str) -> Outputs:
         """Return the outputs of a group by name."""
-        compute: dict[str, Callable[[], Mapping[str, Any]]] = {
+        compute: dict[str, Callable[[], Outputs]] = {
             PLACES: self._place_outputs, SUMS: self._sums, FIELDS: self._fields,
         }  # fmt: skip
         return compute[group]()

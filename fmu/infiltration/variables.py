@@ -18,9 +18,6 @@ from lcmchain.fmu.variables import (
     quoted,
 )
 
-# --- The interface of the infiltration unit -----------------------------------------------------
-
-
 # Groups: outputs that are computed together.
 PLACES, SUMS, FIELDS = "places", "sums", "fields"
 
@@ -202,7 +199,7 @@ def _of_places(abilities: Abilities) -> tuple[list[Variable], list[Variable]]:
 
 
 def _constants(abilities: Abilities) -> list[Variable]:
-    """What was decided when the unit was built, since it decides how many values a field has."""
+    """Return what was fixed when the unit was built: it decides how many values a field has."""
     constant: tuple[Causality, Variability] = ("local", "constant")
     return [
         Variable("scene", Kind.STRING, *constant, "title of the part", start=abilities.title),

@@ -23,10 +23,10 @@ OPTIONS = (
 
 def hash_of_sources(version: int) -> str:
     """Return the hash of the sources of a version of FMI."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in SOURCES[version]:
-        found.update((HERE / name).read_text(encoding="utf-8").encode())
-    return found.hexdigest()
+        digest.update((HERE / name).read_text(encoding="utf-8").encode())
+    return digest.hexdigest()
 
 
 def compiled(version: int, compiler: str = "gcc") -> bytes:

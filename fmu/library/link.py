@@ -1,9 +1,9 @@
 """Put the guard into the exporter's library: it takes the places of the functions of FMI.
 
-What the guard is for is said in ``guard.h``. Its object is placed behind the library as a segment
-of its own, in whose favour the library gives up a note (its build id); the names of the functions
-then mean those of the guard, which call the exporter's. Every function that takes an instance must
-be the guard's, since a master holds no instance of the exporter any more.
+``guard.h`` says what the guard is for. Its object is placed behind the library as a segment of its
+own, which takes the place of a note (the build id) in the table of segments. The names of the
+functions then mean those of the guard, which call the exporter's. Every function that takes an
+instance must be the guard's, since a master holds no instance of the exporter any more.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """The effects of a run, each with its reason, and what one costs.
 
-What an effect costs is the part of a step's time that goes when it is taken out of a scene. It is
-measured on the model of a scene itself: formed to a given time, it makes the same steps with the
-effect and without it in turn, in compiled code of its own for each; contact is left out by looking
-for no node near a tool. Parts are kept per machine beside its speed, in the user's cache folder, so
-that a check can tell them at no cost. They do not add up to one: what effects share is nobody's.
+The cost of an effect is the part of a step's time that is saved when the effect is taken out of a
+scene. It is measured on the model of the scene itself. The scene is formed to a given time; then
+the same steps are made with the effect and without it in turn, each in compiled code of its own.
+Contact is left out by searching no node near a tool. The parts are kept per machine beside its
+speed, in the user's cache folder, so that a check can tell them at no cost. They do not add up to
+one, since effects share some of the work.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from lcmchain.scene import Infiltration, Scene, Structure
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.state import State
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 
 def run_effects(scene: Scene, model: Model) -> list[Effect]:
     """Return the effects of a scene's model and its later stages, each with the reason."""
@@ -47,23 +51,23 @@ def run_effects(scene: Scene, model: Model) -> list[Effect]:
 
 def later_stages(scene: Scene) -> list[Effect]:
     """Return the stages of a scene that follow forming, as effects."""
-    found = [
+    effects = [
         Effect(
             f"mapping to {target.name}", True, f"{target.kind} mesh {target.mesh}, {target.method}"
         )
         for target in scene.mapping
     ]
-    if not found:
-        found.append(Effect("mapping", False, "no [[mapping]] entry"))
-    found += [
+    if not effects:
+        effects.append(Effect("mapping", False, "no [[mapping]] entry"))
+    effects += [
         Effect(f"structural analysis of {target.name}", True, _structure_text(target.structure))
         for target in scene.mapping
         if target.structure is not None
     ]
     for name, (case, _) in scene.infiltrations.items():
-        found.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
+        effects.append(Effect(f"infiltration of {name}", True, _infiltration_text(case)))
     law = scene.permeability.law if scene.permeability else "no [permeability] entry"
-    return [*found, Effect("permeability", scene.permeability is not None, law)]
+    return [*effects, Effect("permeability", scene.permeability is not None, law)]
 
 
 def _infiltration_text(case: Infiltration) -> str:
@@ -103,17 +107,17 @@ REPETITIONS = 25
 CHUNKS = 4
 # Noise may make a part negative; what is kept are parts of a whole.
 BOUNDS = (1e-9, 1.0 - 1e-9)
-# What these change is the number of steps, not what one costs.
+# These change the number of steps, not the cost of one.
 OF_THE_STEP_SIZE = ("mass_scaling", "fibre_modulus")
 CONTACT = "contact"
 
 
 def measurable_effects(scene: Scene) -> list[Switchable]:
     """Return the effects of a scene whose part of a step can be measured."""
-    found = [one for one in switchable_effects(scene) if one.name not in OF_THE_STEP_SIZE]
-    if scene.tools and CONTACT not in [one.name for one in found]:
-        found.append(Switchable(CONTACT, "on", switches()[CONTACT].entry))
-    return found
+    effects = [one for one in switchable_effects(scene) if one.name not in OF_THE_STEP_SIZE]
+    if scene.tools and CONTACT not in [one.name for one in effects]:
+        effects.append(Switchable(CONTACT, "on", switches()[CONTACT].entry))
+    return effects
 
 
 class EffectCost(NamedTuple):
@@ -160,7 +164,7 @@ def _measured(scene: Scene, effects: Sequence[Switchable], at: float) -> list[Ef
     plain = Simulation.from_scene(scene)
     plain.advance_to(at * scene.process.time)
     start, step = plain.state.copy(), plain.prepare_steps()
-    found = []
+    costs = []
     for effect in effects:
         if effect.name == CONTACT:
             other = Runner(Simulation(plain.model), start, searches=False)
@@ -171,8 +175,8 @@ def _measured(scene: Scene, effects: Sequence[Switchable], at: float) -> list[Ef
         least = _least_times((Runner(plain, start), other), step)
         if effect.state == "off":
             least = least[::-1]
-        found.append(EffectCost(effect, *least))
-    return found
+        costs.append(EffectCost(effect, *least))
+    return costs
 
 
 def _taken_over(model: Model, state: State) -> State:
@@ -241,7 +245,7 @@ def effect_parts(model: Model) -> dict[str, float]:
     }
 
 
-def cost_table(costs: Sequence[EffectCost]) -> Any:
+def cost_table(costs: Sequence[EffectCost]) -> Table:
     """Return the costs as a table for a terminal."""
     from rich.table import Table
 

@@ -1,21 +1,21 @@
 """Expected cost of a run, from the undeformed sheets and the motion of the tools.
 
-The number of steps is the integral of 1/Δt over the process, Δt = s 2/ω. What ω² consists of is
-known in the reference: the fibre wave across the cells, with the cut ones
+The number of steps is the integral of 1/Δt over the process, Δt = s 2/ω. The parts of ω² are known
+in the reference: the fibre wave across the cells, with the cut ones
 (``Body.reference_frequencies``), the bending of the fibres within the plane, and the stiffness of
-the contacts (``Simulation`` adds them up in the same way). Plies that touch add their springs. What
-resists sliding by its speed, as a viscous film does, has a rate of damping c that shortens the step
-even where nothing is stiff: Δt = 2 s / (√(ω² + c²/4) + c/2).
+the contacts. ``Simulation`` adds them up in the same way. Plies that touch add their springs. An
+interface that resists sliding by its speed, such as a viscous film, has a rate of damping c. It
+shortens the step even where nothing is stiff: Δt = 2 s / (√(ω² + c²/4) + c/2).
 
-Of what changes on the way, compaction between parallel plates follows from their motion. How far a
-sheet shears is not known beforehand. It matters where the bound of ω² adds up both families of
-fibres, as the triangles and the cut elements do: with the sheared fibres at cos θ = sin γ to each
-other it grows by 1 + sin γ. The few nodes with the highest ω² of the reference, at corners of the
-outline, are taken not to shear.
+Two things change the step on the way. Compaction between parallel plates follows from their motion.
+How far a sheet shears is not known beforehand. It matters where the bound of ω² adds up both
+families of fibres, as the triangles and the cut elements do: with the sheared fibres at cos θ = sin
+γ to each other it grows by 1 + sin γ. The few nodes with the highest ω² of the reference, at
+corners of the outline, are taken not to shear.
 
-What an element and step take on this machine a small file in the user's cache folder keeps, beside
-the compiled kernels, by processor, threads, kind of element and size of the mesh: the fastest of
-the last runs. Runs of many steps add theirs at the end.
+A small file in the user's cache folder keeps the time per element and step on this machine, by
+processor, threads, kind of element and size of the mesh. The fastest of the last runs counts. Runs
+of many steps add their time at the end.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -35,6 +35,7 @@ from lcmchain.compilation.cache import processor
 from lcmchain.compilation.threads import worthwhile_threads
 from lcmchain.errors import InputError, OutputError
 from lcmchain.interfaces.laws.viscous_film import ViscousFilm
+from lcmchain.materials.law import Material
 from lcmchain.model import Model
 from lcmchain.solver.simulation import VISCOUS_FABRIC
 from lcmchain.tools.distance import PLANE
@@ -54,7 +55,7 @@ ASSUMED_BETWEEN_PLIES = 0.09e-6
 SHARED = 0.76
 # Runs of fewer steps than this say little.
 FEWEST_STEPS = 2000
-# Of so many last runs the fastest counts: other work on the machine only ever adds to the time.
+# Last runs of which the fastest counts: other work on the machine only ever adds to the time.
 KEPT = 5
 FILE = "speed.json"
 
@@ -208,7 +209,7 @@ def _step_count(
     return math.ceil(model.process_time / model.step_safety * mean)
 
 
-def _steps_per_second(omega2: Any, rate: float) -> Any:
+def _steps_per_second(omega2: np.ndarray | float, rate: float) -> np.ndarray | float:
     """Return 1/Δt of the stable step for ω² [1/s²] and a rate of damping [1/s].
 
     As ``Simulation`` bounds it: ω²Δt²/4 + rate Δt/2 <= 1, for a damping that lags half a step.
@@ -284,7 +285,7 @@ def omega2_over_time(model: Model, shear_angle: float, refinement: float = 1.0) 
     return omega2
 
 
-def _compaction_stiffening(material: Any, stretch: np.ndarray) -> np.ndarray:
+def _compaction_stiffening(material: Material, stretch: np.ndarray) -> np.ndarray:
     """Return the stiffness over the thickness at a stretch (TIMES,), relative to the reference."""
     stretch = np.minimum(stretch, 1.0)
     strain = np.zeros((len(stretch), 6))

@@ -20,42 +20,42 @@ from lcmchain.tools.tool import Tool
 def scene_warnings(scene: Scene) -> list[str]:
     """Say what is allowed but probably not meant."""
     stack = scene.stack
-    found = [] if stack.has_thickness else [NO_THICKNESS]
+    warnings = [] if stack.has_thickness else [NO_THICKNESS]
     for element in stack.elements.values():
-        found += [remark for remark in element.remarks if remark not in found]
-    found += _unused_materials(scene) + _films(scene) + _inflated_bags(scene)
+        warnings += [remark for remark in element.remarks if remark not in warnings]
+    warnings += _unused_materials(scene) + _films(scene) + _inflated_bags(scene)
     left_out = left_out_of(scene)
     if left_out:
-        found.append(f"left out, as this model knows nothing of them: {', '.join(left_out)}")
-    found += [
+        warnings.append(f"left out, as this model knows nothing of them: {', '.join(left_out)}")
+    warnings += [
         switched.warning for switched in scene.switched if f"effects.{switched.key}" not in left_out
     ]
     for material in stack.materials.values():
-        found += material.remarks() + preset_remarks(material)
+        warnings += material.remarks() + preset_remarks(material)
     director = any(
         getattr(ply.element, "compaction_strain", None) == "director" and ply.material.has_fibres
         for ply in stack
     )
     if director and scene.tools:
-        found.append(
+        warnings.append(
             'element.compaction_strain = "director" (as published) lets elements fold over on '
             'small radii under pressure; "normal" does not'
         )
     if not scene.element.has_forces:
-        return found  # neither motion nor resolution of a tool is simulated
+        return warnings  # neither motion nor resolution of a tool is simulated
     process = scene.process
     moved = process.gravity or bool(scene.pressure)
     moved |= any(gripper.pulls or gripper.leads for gripper in scene.grippers)
     if not moved and not any(tool.motion.moves for tool in scene.tools):
-        found.append(
+        warnings.append(
             "nothing moves: no tool is driven, no gripper pulls or leads, there is no "
             "[[pressure]], and process.gravity is false"
         )
-    found += _drag_of_added_mass(scene) + viscous_shear.remarks(scene)
+    warnings += _drag_of_added_mass(scene) + viscous_shear.remarks(scene)
     for tool in scene.tools:
-        found += tool.motion.remarks(tool.name, process.time)
-        found += _of_shape(tool, stack)
-    return list(dict.fromkeys(found))
+        warnings += tool.motion.remarks(tool.name, process.time)
+        warnings += _of_shape(tool, stack)
+    return list(dict.fromkeys(warnings))
 
 
 def _of_shape(tool: Tool, stack: Stack) -> list[str]:
@@ -65,13 +65,13 @@ def _of_shape(tool: Tool, stack: Stack) -> list[str]:
         of_edge.setdefault(ply.blank.edge_length, []).append(ply)
     if len(of_edge) == 1:
         return tool.shape.remarks(tool.name, stack.shortest_edge)
-    found = []
+    texts = []
     for edge_length, plies in of_edge.items():
         names = " and ".join(ply.name for ply in plies)
         whose = f" of the {'ply' if len(plies) == 1 else 'plies'} {names}"
         for text in tool.shape.remarks(tool.name, edge_length, whose):
-            found.append(plies[0].in_own_words(text) if len(plies) == 1 else text)
-    return found
+            texts.append(plies[0].in_own_words(text) if len(plies) == 1 else text)
+    return texts
 
 
 def _unused_materials(scene: Scene) -> list[str]:
@@ -102,7 +102,7 @@ def _inflated_bags(scene: Scene) -> list[str]:
 
     The textile then bears nothing, and the bag would lift off: it has no stiffness of its own.
     """
-    found = []
+    texts = []
     for name, (case, _) in scene.infiltrations.items():
         bag = case.closure
         if not isinstance(bag, Bag):
@@ -118,13 +118,13 @@ def _inflated_bags(scene: Scene) -> list[str]:
             over = _over_time(times, given, own_times) - _over_time(times, bag.pressure, bag.times)
             worst = int(np.argmax(over))
             if over[worst] > 0.0:
-                found.append(
+                texts.append(
                     f'infiltration of {name}: the gate "{gate.name}" is {1e-5 * over[worst]:.3g} '
                     f"bar above the bag at {times[worst]:.4g} s: the textile there bears nothing, "
                     "and the bag inflates over it, which nothing holds back; lower the pressure "
                     "of the gate, or raise that of the bag"
                 )
-    return found
+    return texts
 
 
 def _over_time(

@@ -54,7 +54,7 @@ from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, p
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
 from lcmchain.quantities.readable import millimetres
-from lcmchain.report.shown import START_PICTURE
+from lcmchain.report.style import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
 
@@ -128,7 +128,7 @@ def _draping_preview(
 ) -> list[tuple[str, str]]:
     """Return what the net says of a scene on any rung; empty where there is nothing to drape.
 
-    Of a stack every ply is draped as if it were alone; what is the same of plies is said once.
+    Every ply of a stack is draped as if it were alone. Rows that plies share are given once.
 
     Raises
     ------
@@ -313,10 +313,10 @@ def _report(
     counts = mesh.in_run(model.element_count), mesh.in_run(model.node_count)
     require_frames_fit(scene.process.frames, *counts, is_stack=len(scene.stack) > 1)
     needed = process_time_needed(model)
-    found = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
+    remarks = scene_warnings(mesh.given) + process_time_remarks(scene, needed)
     closing = closing_tools(scene, blanks, model)
     require_space(scene, model, closing)
-    found += tools_out_of_reach(scene, model) + tools_that_close(scene, model, closing)
+    remarks += tools_out_of_reach(scene, model) + tools_that_close(scene, model, closing)
     return CheckReport(
         scene=scene,
         element_count=counts[0],
@@ -330,7 +330,7 @@ def _report(
         initial_overlap=model.tools.initial_overlap.tolist(),
         closing=closing,
         preview=_draping_preview(scene, blanks, model.tools),
-        warnings=[scene.stack.in_own_words(text) for text in found + noted],
+        warnings=[scene.stack.in_own_words(text) for text in remarks + noted],
         picture=picture,
     )
 
@@ -354,7 +354,7 @@ def _with_picture(
 
 def _grips_of_plies(model: Model) -> list[list[ShownGrip]]:
     """Return what grippers hold of every ply, and where they pull at the start."""
-    found: list[list[ShownGrip]] = []
+    grips: list[list[ShownGrip]] = []
     for body in model.bodies:
         last = body.first_node + body.mesh.node_count
         inside = [
@@ -362,8 +362,8 @@ def _grips_of_plies(model: Model) -> list[list[ShownGrip]]:
             for grip in model.grips
         ]
         positions = model.node_positions
-        found.append([(positions[own], g.pull_direction) for g, own in inside if own.size])
-    return found
+        grips.append([(positions[own], g.pull_direction) for g, own in inside if own.size])
+    return grips
 
 
 def draw_start(

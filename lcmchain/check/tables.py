@@ -21,7 +21,7 @@ from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
 from lcmchain.scene.stages import at_work, first_stage, laid_later, stack_at
 from lcmchain.tools.closest_gap import ClosestGap
-from lcmchain.tools.motion import TurnMotion
+from lcmchain.tools.motion import Motion, TurnMotion
 from lcmchain.tools.surfaces.surface import Orientation
 from lcmchain.tools.table import OVERLAP_TOLERANCE
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from lcmchain.scene.stack import PlySettings
 
 
-#: What effects take of the time where that is not known.
+#: Parts of the time that effects take, where none is known.
 NO_PARTS: Mapping[str, float] = MappingProxyType({})
 
 
@@ -291,7 +291,7 @@ def stage_table(scene: Scene) -> list[Table]:
     return [table]
 
 
-def _motion_in_words(name: str, motion: Any) -> str:
+def _motion_in_words(name: str, motion: Motion) -> str:
     if isinstance(motion, TurnMotion):
         return f"{name} {math.degrees(motion.angle):.4g} degrees"
     way = getattr(motion, "distance", None)

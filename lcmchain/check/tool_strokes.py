@@ -90,11 +90,11 @@ def _together(model: Model, one: int, other: int, times: np.ndarray) -> np.ndarr
     """Return at which times [s] two tools are at work together; without stages at all."""
     if not model.stages:
         return np.ones(len(times), dtype=bool)
-    found = np.zeros(len(times), dtype=bool)
+    together = np.zeros(len(times), dtype=bool)
     for stage in model.stages:
         if stage.tools_at_work[one] and stage.tools_at_work[other]:
-            found |= (times >= stage.start) & (times <= stage.end)
-    return found
+            together |= (times >= stage.start) & (times <= stage.end)
+    return together
 
 
 def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list[str]:
@@ -103,13 +103,13 @@ def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list
     def space(near: ClosestGap) -> float:
         return near.gap - LEAST_GAP * _thickness(scene, near)
 
-    found = []
+    texts = []
     for tools in closing:
         closest = _tightest(scene, tools, space)
         if space(closest) < 0.0 and not space(tools.start) < 0.0:
             first = next(near for near in tools.course if space(near) < 0.0)
-            found.append(_sentence(scene, model, tools.pair, first, closest))
-    return found
+            texts.append(_sentence(scene, model, tools.pair, first, closest))
+    return texts
 
 
 def _tightest(scene: Scene, tools: Closing, space: Callable[[ClosestGap], float]) -> ClosestGap:
@@ -224,22 +224,22 @@ def tools_out_of_reach(scene: Scene, model: Model) -> list[str]:
 
 def tools_never_touched(model: Model, state: State, snapshots: Sequence[Snapshot]) -> list[str]:
     """Say which tools have not loaded the sheet in a complete run, and how close they came."""
-    found = []
+    texts = []
     idle = state.penetration_max <= NO_LOAD * min(body.material.thickness for body in model.bodies)
     for tool in np.flatnonzero(idle).tolist():
         each = [_gap(model, tool, s.position, float(s.tool_travel[tool])) for s in snapshots]
         gap = min(each)
         if gap <= _touch(model) < each[-1] and each[0] <= _touch(model):
-            found.append(
+            texts.append(
                 f"{model.tool_names[tool]} touched the sheet at the start, never pressed on it, "
                 f"and is {1e3 * each[-1]:.3g} mm away from it at the end; {_remedy(model, tool)}"
             )
         if gap > _touch(model):
-            found.append(
+            texts.append(
                 f"{model.tool_names[tool]} never touched the sheet, and came no closer than "
                 f"{1e3 * gap:.3g} mm in the saved frames; {_remedy(model, tool)}"
             )
-    return found
+    return texts
 
 
 def _touch(model: Model) -> float:

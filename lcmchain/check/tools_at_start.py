@@ -238,8 +238,8 @@ def _initial_gap(
         def distance(points: np.ndarray) -> np.ndarray:
             return exact(in_frame_of(tool, axes, points), in_field(points), spacing)
 
-    found = [smallest_gap(distance, blank, vertices, offset) for blank, offset in sheets]
-    gap, place = min(found, key=lambda least: least[0])
+    least_gaps = [smallest_gap(distance, blank, vertices, offset) for blank, offset in sheets]
+    gap, place = min(least_gaps, key=lambda least: least[0])
     at_nodes = min(
         float(in_field(blank.mid_surface_positions if offset else blank.node_positions).min())
         - offset
@@ -279,7 +279,8 @@ def require_no_initial_overlap(
 def overlapping(gaps: Sequence[InitialGap], scene: Scene) -> list[InitialGap]:
     """Return the gaps of the tools that reach into the blank deeper than counts as a touch.
 
-    Of a process with stages those of the first one: a run looks at others when they come to work.
+    Where the process has stages, only tools of the first one count. A run looks at the others when
+    they come to work.
     """
     tolerance = OVERLAP_TOLERANCE * scene.stack.least_thickness
     working = {tool.name for tool in scene.tools if _works_first(scene, tool)}

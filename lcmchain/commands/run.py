@@ -273,7 +273,7 @@ def run_chosen(
     text.scene()
     with output_folder(out or default_out(path), inputs=[path]) as folder:
         from lcmchain.pipeline import run
-        from lcmchain.results.state import write_summary
+        from lcmchain.results.folder import write_summary
         from lcmchain.study.chooser import Chooser
         from lcmchain.study.outcome import outcome_of
         from lcmchain.study.runs import INTERRUPTED

@@ -179,7 +179,7 @@ def study_sweep(
 ) -> None:
     """Run a scene over values of any of its entries."""
     from lcmchain.study import read_source
-    from lcmchain.study.sampling import read_entry
+    from lcmchain.study.sweep import read_entry
 
     text = read_source(scene, tuple(overrides or ()))
     title = text.scene().title
@@ -258,7 +258,7 @@ def values_of(vary: Sequence[str]) -> dict[str, list[str]]:
     ------
     InputError : a text is not of that form, or names a key twice.
     """
-    from lcmchain.study.sampling import read_entry
+    from lcmchain.study.sweep import read_entry
 
     found: dict[str, list[str]] = {}
     for entry in map(read_entry, vary):

@@ -16,8 +16,7 @@ from rich.table import Table
 from lcmchain.atomic import replacing
 from lcmchain.fields import write_forming_netcdf, write_vtu
 from lcmchain.report.pictures import draw_field
-from lcmchain.report.shown import SHOWN
-from lcmchain.report.style import RC, headline, new_figure, save
+from lcmchain.report.style import RC, SHOWN, headline, new_figure, save
 
 if TYPE_CHECKING:
     import xarray as xr

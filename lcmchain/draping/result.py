@@ -14,8 +14,8 @@ from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
 from lcmchain.fields.dataset import SHEET, SHEET_MESH
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.sheet import COURSE, JOINT_GAP
-from lcmchain.fields.summary import field_warnings
 from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
+from lcmchain.judgements.fields import field_warnings
 from lcmchain.scene import Scene
 from lcmchain.tools.table import turning
 

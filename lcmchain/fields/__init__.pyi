@@ -6,8 +6,8 @@ from .dataset import (
     model_datasets,
 )
 from .derived import derive_fields, pressure_fields, tool_pressure
-from .frames import FrameSeries, Histories
 from .netcdf_file import read_forming, read_group, write_forming_netcdf
+from .saved import FrameSeries, Histories
 from .sheet import sheet_areas, sheet_faces, sheet_positions
 from .summary import fibre_mass, field_summary
 from .table import FIELDS, Field

@@ -10,6 +10,7 @@ import numpy as np
 
 from lcmchain.elements.family import Body
 from lcmchain.fields.table import FIELDS
+from lcmchain.fields.ugrid import Described
 from lcmchain.interfaces.in_frames import (
     APART,
     CONTACT,
@@ -92,16 +93,16 @@ class BetweenPlies:
         rows, area = self.rows[-1][:, nodes], self.area[-1][nodes]
         contact.add(rows[PRESSED] / area, rows[SLID_PATH], rows[CONTACT], area)
 
-    def fields(self, side: str, nodes: slice) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def fields(self, side: str, nodes: slice) -> dict[str, Described]:
         """Return values (F, n) and attributes of every variable of one face of the ply."""
-        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {}
+        variables: dict[str, Described] = {}
         area = self.area[:, nodes]
         for stem, row in (_STRESSES | _LENGTHS).items():
             field = FIELDS[f"{stem}_{side}"]
             for number, variable in enumerate(field.variables):
                 values = self.rows[:, row + number, nodes]
                 values = values / area if stem in _STRESSES else np.ascontiguousarray(values)
-                found[variable] = values, field.attributes(variable)
+                variables[variable] = values, field.attributes(variable)
         states = {"apart": APART, "sticks": STICKS, "slides": SLIDES}
         numbers = {NO_PLY: NONE} | {name: number for number, name in enumerate(self.plies)}
         for stem, row, flags in (("ply_contact", CONTACT, states), ("faced_ply", FACED, numbers)):
@@ -109,5 +110,5 @@ class BetweenPlies:
             attributes: dict[str, Any] = FIELDS[name].attributes(name)
             attributes["flag_values"] = np.array(list(flags.values()), dtype=np.int32)
             attributes["flag_meanings"] = " ".join(flags)
-            found[name] = self.rows[:, row, nodes].astype(np.int32), attributes
-        return found
+            variables[name] = self.rows[:, row, nodes].astype(np.int32), attributes
+        return variables

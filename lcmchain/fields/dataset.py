@@ -18,9 +18,8 @@ from lcmchain.fields.derived import (
     pressure_fields,
     tool_pressure,
 )
-from lcmchain.fields.frames import FrameSeries, Histories
-from lcmchain.fields.history_group import HISTORY, history_dataset
 from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.saved import HISTORY, FrameSeries, Histories, history_dataset
 from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
 from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
@@ -28,6 +27,7 @@ from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
     TIME,
+    Described,
     UgridMesh,
     Variable,
     saved_times,
@@ -153,42 +153,42 @@ class SheetFrames:
     def material(self) -> Material:
         return self.body.material
 
-    def fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def fields(self) -> dict[str, Described]:
         """Return values (F, element_count) and attributes of every face field."""
         values = derive_fields(self.mesh, self.material, self.positions) | self.pressures
         values |= self.wrinkle_risk
-        found: dict[str, tuple[np.ndarray, dict[str, Any]]] = {
+        variables: dict[str, Described] = {
             name: (value, FIELD_OF_VARIABLE[name].attributes(name))
             for name, value in values.items()
         }
         angles = fibre_angles(self.material)
         if angles != TWO_ALONG_THE_AXES and tells_fibres(self.material):
             for name in FIELDS["fibre_direction_1"].variables:
-                found[name][1][FROM_PLY_AXIS] = float(angles[0])
+                variables[name][1][FROM_PLY_AXIS] = float(angles[0])
         if getattr(self.material, "buckles", False):
             for number in range(1, len(angles) + 1):
-                found[f"fibre_strain_{number}"][1][BUCKLES] = 1
+                variables[f"fibre_strain_{number}"][1][BUCKLES] = 1
         # of a sheet without forces nothing is remembered, whatever its law
         for entry, value in zip(remembered(self.material.law), np.moveaxis(self.history, 1, 0)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
-            found[entry.name] = (np.ascontiguousarray(value), attributes)
-        return found
+            variables[entry.name] = (np.ascontiguousarray(value), attributes)
+        return variables
 
-    def node_fields(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    def node_fields(self) -> dict[str, Described]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
-        found = {}
+        variables = {}
         if self.wrinkle_height is not None:
             attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
             attributes[WRINKLE_LENGTH] = self.wrinkle_length
-            found["wrinkle_height"] = self.wrinkle_height, attributes
+            variables["wrinkle_height"] = self.wrinkle_height, attributes
         for side, nodes in self.mesh.sides().items():
             if self.tool_pressure is not None:
                 name = f"tool_pressure_{side}" if side else "tool_pressure"
                 values = np.ascontiguousarray(self.tool_pressure[:, nodes])
-                found[name] = (values, FIELDS[name].attributes(name))
+                variables[name] = (values, FIELDS[name].attributes(name))
             if self.between_plies is not None:
-                found |= self.between_plies.fields(side, nodes)
-        return found
+                variables |= self.between_plies.fields(side, nodes)
+        return variables
 
 
 def build_datasets(
@@ -217,8 +217,8 @@ def build_datasets(
     Datasets by group name. Face variables have the dimensions ``time`` and ``sheet_face``.
     """
     ply = scene.only_ply("build_datasets")
-    own: Any = ply.built_material() if material is None else material
-    body = family_of(ply.element).build("sheet", blank, own, ply.element, 0, 0)
+    fabric = ply.built_material() if material is None else material
+    body = family_of(ply.element).build("sheet", blank, fabric, ply.element, 0, 0)
     past = []
     for positions in frames.positions:
         past.append(body.no_history())
@@ -336,14 +336,14 @@ def add_face_variables(
 # --- sheets ---------------------------------------------------------------------------------------
 
 
-def _one_sheet(scene, sheet: SheetFrames, frames: FrameSeries) -> dict[str, xr.Dataset]:
+def _one_sheet(scene: Scene, sheet: SheetFrames, frames: FrameSeries) -> dict[str, xr.Dataset]:
     groups = {SHEET: _sheet(scene, SHEET_MESH, sheet, frames)}
     if sheet.mesh.volumes is not None:
         groups[SOLID] = _solid(sheet, frames)
     return groups
 
 
-def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
+def _sheet(scene: Scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> xr.Dataset:
     reference = sheet.mesh.mid_surface(sheet.mesh.node_positions)
     current = sheet.mesh.mid_surface(sheet.positions)
     variables: dict[str, Variable] = {
@@ -362,8 +362,8 @@ def _sheet(scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSeries) -> x
     return mesh.dataset(variables, attributes)
 
 
-def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
-    """The mid-surfaces of all bodies as one mesh."""
+def _all_sheets(scene: Scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
+    """Return the mid-surfaces of all bodies as one mesh."""
     mesh = SHEET_MESH
     references = [s.mesh.mid_surface(s.mesh.node_positions) for s in sheets.values()]
     current = [s.mesh.mid_surface(s.positions) for s in sheets.values()]
@@ -412,9 +412,9 @@ def _all_sheets(scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -
 
 def _through_stack(
     sheets: Sequence[SheetFrames],
-    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]],
+    fields: Sequence[dict[str, Described]],
     there: Sequence[np.ndarray | None],
-) -> list[dict[str, tuple[np.ndarray, dict[str, Any]]]]:
+) -> list[dict[str, Described]]:
     """Return the fields of the stack on the faces of each ply.
 
     there : in which frames each ply is there, None for all.
@@ -429,7 +429,7 @@ def _through_stack(
         )
         for sheet, own, is_there in zip(sheets, fields, there, strict=True)
     ]
-    found = []
+    of_plies = []
     for columns in columns_of(plies):
         values = {
             "stack_thickness": columns.thickness,
@@ -437,19 +437,17 @@ def _through_stack(
             "stack_fibre_volume_fraction": columns.fibre_volume_fraction,
             "stack_ply_count": columns.ply_count.astype(float),
         }
-        found.append(
+        of_plies.append(
             {
                 name: (value, FIELDS[name].attributes(name))
                 for name, value in values.items()
                 if value is not None
             }
         )
-    return found
+    return of_plies
 
 
-def _joined(
-    fields: Sequence[dict[str, tuple[np.ndarray, dict[str, Any]]]], counts: Sequence[int]
-) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+def _joined(fields: Sequence[dict[str, Described]], counts: Sequence[int]) -> dict[str, Described]:
     """Return the fields of several sheets one after the other, nan where a sheet has none."""
     joined = {}
     for name in dict.fromkeys(name for own in fields for name in own):
@@ -477,12 +475,12 @@ def _moving_nodes(
     }
 
 
-def _global_attributes(scene, material: Material | None) -> dict[str, Any]:
+def _global_attributes(scene: Scene, material: Material | None) -> dict[str, Any]:
     """Return what the file says of its origin, and of the one material of a group."""
     from lcmchain import __version__
 
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-    attributes = {
+    attributes: dict[str, Any] = {
         "Conventions": CONVENTIONS,
         "title": str(scene.title),
         "history": f"{now} formed by lcmchain {__version__}",
@@ -546,8 +544,8 @@ def _node_fields(
     return variables
 
 
-def _scalars(name: str, values: np.ndarray, shape: tuple[int, int]):
-    """Names and values of the components of a field, each of the shape of a scalar."""
+def _scalars(name: str, values: np.ndarray, shape: tuple[int, int]) -> list[tuple[str, np.ndarray]]:
+    """Return names and values of the components of a field, each of the shape of a scalar."""
     for scalar_shape in (shape, shape[1:]):
         if values.shape == scalar_shape:
             return [(name, values)]

@@ -170,12 +170,12 @@ def pressure_fields(
     ``compaction_pressure`` and ``bending_pressure`` (element_count,) [Pa]; their sum is the Cauchy
     pressure λ |S33| A0 / A. Nothing for a sheet without thickness.
     """
-    found = body.normal_pressure(np.ascontiguousarray(positions.T), history)
-    if found is None:
+    pressure = body.normal_pressure(np.ascontiguousarray(positions.T), history)
+    if pressure is None:
         return {}
     return {
-        "compaction_pressure": found.contact,
-        "bending_pressure": found.total - found.contact,
+        "compaction_pressure": pressure.contact,
+        "bending_pressure": pressure.total - pressure.contact,
     }
 
 

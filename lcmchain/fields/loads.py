@@ -1,15 +1,14 @@
-"""What tools press with, what of it strains the sheet, what grippers take, what stopped a tool.
+"""Forces of tools and grippers, the parts of a tool's force, and what stopped a tool.
 
-The force of a tool along its direction, averaged over a piece of its travel, is its work over the
-length of that piece. The energy balance splits that work exactly: what is stored in or taken by the
-sheet, friction, contact, damping, motion (inertia), the work of the other tools, of weight and of
-supports, and the error of the balance, each over the same length. A quasi-static process has no
-damping and no inertia; their parts are what the force is too high by, as long as they do not change
-the shape.
+The force of a tool along its direction, averaged over a length of its travel, is its work over that
+length. The energy balance splits the work exactly, into the parts of the sheet, friction, contact,
+damping, motion (inertia), the other tools, weight and supports, and the error of the balance. A
+quasi-static process has no damping and no inertia. The force is too high by their parts, as long as
+they do not change the shape.
 
-Elements that are drawn over a radius pass it unevenly
-(:func:`lcmchain.mesh.hexahedron.largest_ripple`). How much the force goes up and down by it around
-its maximum the histories tell.
+Elements that are drawn over a radius pass it unevenly, and the force goes up and down with them
+(:func:`lcmchain.mesh.hexahedron.largest_ripple`). The histories show by how much around its
+maximum.
 """
 
 from __future__ import annotations
@@ -19,8 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.fields.frames import tables_of_tools
-from lcmchain.fields.history_group import SAMPLE
+from lcmchain.fields.saved import SAMPLE, tables_of_tools
 from lcmchain.fields.sheet import edge_length, largest_turn, vector
 from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.state import STOPPED_TIME, STOPPED_TRAVEL
@@ -49,8 +47,8 @@ PASSING, PLACES = 4.0, 201
 #: derivative keeps its sign, as where a textile is compacted, both cross three times. Lobes below a
 #: part of the highest one are noise.
 LOBES_WITHOUT_RIPPLE, LEAST_LOBE = 4, 0.1
-#: Of a ripple with two to four periods over its reach the parabola takes up to this part of the
-#: largest distance between both, at its end.
+#: A parabola takes up to this part of a ripple with two to four periods over its reach, relative to
+#: the largest distance between both, at its end.
 TAKEN_UP = 0.7
 
 #: A snap: within this part of the process the force of a tool falls by this part of its largest
@@ -254,11 +252,11 @@ class SmoothCourse(NamedTuple):
 def figure_to_quote(largest: float, course: SmoothCourse, ripple: float) -> tuple[float, float]:
     """Return the force to quote and what the ripple of the mesh leaves of doubt about it [N].
 
-    That is the largest mean as long as the ripple is small. Beyond half of ``LARGEST_RIPPLE`` the
-    largest mean is that of a crest, which every mesh has elsewhere and as high as its elements are
-    long: then it is the smooth course there, which meshes agree on (``lcmchain docs
-    time-integration``). No more than the ripple is taken off, and nothing where the force does not
-    go to and fro: a force that only rises ever faster, or snaps once, has no ripple.
+    The figure is the largest mean as long as the ripple is small. Beyond half of ``LARGEST_RIPPLE``
+    the largest mean is that of a crest, whose place and height depend on the mesh. Then the figure
+    is the smooth course there, on which meshes agree (``lcmchain docs time-integration``). No more
+    than the ripple is taken off, and nothing where the force does not go to and fro: a force that
+    only rises ever faster, or snaps once, has no ripple.
 
     Parameters
     ----------
@@ -302,9 +300,9 @@ def smooth_force(way: np.ndarray, force: np.ndarray, top: int, edge: float) -> S
     places = np.append(-behind[:0:-1], ahead)
     forces = force[top - len(behind) + 1 : top + len(ahead)]
     x = np.linspace(first, last, PLACES)
-    found = np.interp(x, places, forces)
-    course = np.polynomial.Polynomial.fit(x, found, 2)
-    beside = found - course(x)
+    sampled = np.interp(x, places, forces)
+    course = np.polynomial.Polynomial.fit(x, sampled, 2)
+    beside = sampled - course(x)
     distance = float(np.abs(beside).max())
     sides = np.sign(beside)[np.abs(beside) > LEAST_LOBE * distance]
     lobes = 1 + int(np.count_nonzero(np.diff(sides))) if sides.size else 0
@@ -333,7 +331,7 @@ def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
     kinetic = np.append(0.0, history["history_energy_kinetic"].values)
     speed = np.append(0.0, np.diff(travel) / np.diff(time))
     first = np.searchsorted(time, time - window)  # the sample at the start of the window
-    found: list[dict[str, float]] = []
+    events: list[dict[str, float]] = []
     last_seen = -np.inf
     for sample in range(1, len(time)):
         before = slice(int(first[sample]), sample)
@@ -350,16 +348,16 @@ def snaps(history: xr.Dataset, tool: int) -> list[dict[str, float]]:
         if kinetic[sample] < (1.0 + SNAP_GAIN) * faster * kinetic[slowest]:
             continue
         if time[start] > last_seen:  # else the same one goes on
-            found.append(
+            events.append(
                 {
                     "time_s": float(time[start]),
                     "travel_m": float(travel[start]),
                     "force_drop_N": drop,
                 }
             )
-        found[-1]["force_drop_N"] = max(found[-1]["force_drop_N"], drop)
+        events[-1]["force_drop_N"] = max(events[-1]["force_drop_N"], drop)
         last_seen = time[sample]
-    return found
+    return events
 
 
 def snaps_text(snaps: Sequence[Mapping[str, float]]) -> str:
@@ -491,15 +489,15 @@ def tool_stops(model: Model, state: State) -> dict[str, Any]:
     ``tool_stops``: by the name of the tool a list, in which each entry has ``time_s`` and
     ``travel_m``, when and where it was stopped first, and in a process with stages the ``stage``.
     """
-    found: dict[str, list[dict[str, Any]]] = {}
+    stops: dict[str, list[dict[str, Any]]] = {}
     for tool, name in enumerate(model.tool_names):
         for number, stopped in enumerate(state.tool_stopped[tool]):
             if np.isfinite(stopped[STOPPED_TIME]):
                 entry: dict[str, Any] = {"stage": model.stages[number].name} if model.stages else {}
                 entry["time_s"] = float(stopped[STOPPED_TIME])
                 entry["travel_m"] = float(stopped[STOPPED_TRAVEL])
-                found.setdefault(name, []).append(entry)
-    return {"tool_stops": found} if found else {}
+                stops.setdefault(name, []).append(entry)
+    return {"tool_stops": stops} if stops else {}
 
 
 def stop_warnings(model: Model, state: State) -> Iterator[str]:

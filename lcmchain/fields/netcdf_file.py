@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import netCDF4
 import xarray as xr
@@ -24,7 +24,13 @@ _one_thread = threading.RLock()
 
 
 @contextmanager
-def open_netcdf(path: Path | str, group: str | None = None, **options: Any) -> Iterator[xr.Dataset]:
+def open_netcdf(
+    path: Path | str,
+    group: str | None = None,
+    *,
+    mask_and_scale: bool | None = None,
+    decode_cf: bool | None = None,
+) -> Iterator[xr.Dataset]:
     """Open a group of a file as `xarray.open_dataset` does; load what is needed before the end.
 
     Raises
@@ -33,7 +39,7 @@ def open_netcdf(path: Path | str, group: str | None = None, **options: Any) -> I
     """
     with _one_thread, _opened(path, "r") as file:
         store = NetCDF4DataStore(file, group=group, mode="r")
-        with xr.open_dataset(store, **options) as dataset:
+        with xr.open_dataset(store, mask_and_scale=mask_and_scale, decode_cf=decode_cf) as dataset:
             yield dataset
 
 

@@ -43,12 +43,12 @@ def fibre_strains(sheet: xr.Dataset) -> np.ndarray:
 
     It is nan where a ply has fewer families, and 0 for the compression of fibres that buckle.
     """
-    found = []
+    strains = []
     for k in families_of(sheet):
         strain = sheet[f"fibre_strain_{k}"]
         buckles = strain.attrs.get(BUCKLES, 0)
-        found.append(np.maximum(strain.values, 0.0) if buckles else np.abs(strain.values))
-    return np.stack(found)
+        strains.append(np.maximum(strain.values, 0.0) if buckles else np.abs(strain.values))
+    return np.stack(strains)
 
 
 def _along_first_edges(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -62,9 +62,9 @@ def _along_first_edges(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
 def mesh_axes(sheet: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Return both directions of the undeformed mesh (face_count, 3): the axes of the plies.
 
-    Of a stack whose plies have their first families at unlike angles from their axes these are the
-    first family and the line across it. Of films, which have no fibres, they are the first edges of
-    the elements and the lines across them.
+    Where plies of a stack have their first families at unlike angles from their axes, the
+    directions are the first family and the line across it. Films have no fibres: theirs are the
+    first edges of the elements and the lines across them.
     """
     if "fibre_direction_1_x" not in sheet:
         return _along_first_edges(sheet)

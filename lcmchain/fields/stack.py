@@ -2,8 +2,8 @@
 
 The root group of a stack's result holds the faces of all plies. A *column* goes through the centre
 of a face along its normal; what other plies it meets there is added up: the thickness, fibre mass
-and fibre volume fraction of the stack. So a ply that ends inside others counts where it is, and the
-fields are known on every ply, whichever lies lowest.
+and fibre volume fraction of the stack. So a ply that ends inside others counts where it is, and
+the fields are known on every ply.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FILMS = "films"
 #: How far a column reaches to either side, in thicknesses of all plies together: plies that have
 #: come off each other by less still count as one stack.
 REACH = 2.0
-#: What a line may miss a face by and still meet it, in parts of the face: faces share their edges.
+#: A line meets a face that it misses by this part of it: faces share their edges.
 RIM = 1e-9
 
 
@@ -62,7 +62,7 @@ def without_films(sheet: xr.Dataset) -> xr.Dataset:
 def ply_sheet(datasets: Mapping[str, xr.Dataset], name: str) -> xr.Dataset:
     """Return the group of a ply with the names of variables that a result with one sheet has.
 
-    Whatever reads the root group of one sheet reads a ply of a stack so.
+    Code that reads the root group of one sheet can read a ply of a stack by it.
     """
     own, one = UgridMesh(name), UgridMesh("sheet")
     dataset = datasets[f"/{name}"]
@@ -161,10 +161,10 @@ class StackedPly:
         first = np.searchsorted(node[order], np.arange(self.positions.shape[1] + 1))
         of_node = [face[order[a:b]] for a, b in zip(first, first[1:])]
         rings = [np.unique(np.concatenate([of_node[n] for n in own])) for own in self.faces]
-        found = np.full((len(rings), max(map(len, rings))), -1)
-        for row, ring in zip(found, rings, strict=True):
+        table = np.full((len(rings), max(map(len, rings))), -1)
+        for row, ring in zip(table, rings, strict=True):
             row[: len(ring)] = ring
-        return found
+        return table
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
     has_thickness = all(ply.thickness is not None for ply in stay)
     is_known = has_thickness and all(ply.fibre_density is not None for ply in stay)
     frames = range(len(plies[0].positions))
-    found = []
+    columns = []
     for ply in plies:
         shape = ply.areal_mass.shape
         count = np.full(shape, 0 if ply.is_film else 1, dtype=np.int32)
@@ -222,8 +222,8 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
         if volume is not None and thickness is not None:
             with np.errstate(divide="ignore", invalid="ignore"):  # a film beside the preform
                 fraction = volume / thickness
-        found.append(Columns(count, thickness, mass, fraction))
-    return found
+        columns.append(Columns(count, thickness, mass, fraction))
+    return columns
 
 
 def faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:
@@ -239,14 +239,14 @@ def faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> n
     centres = _centres(others)
     tree = cKDTree(centres)
     nearest = tree.query(start)[1]
-    found = _first_met(start, normal, others, other.around[nearest], reach)
-    missing = np.flatnonzero(found < 0)
+    met = _first_met(start, normal, others, other.around[nearest], reach)
+    missing = np.flatnonzero(met < 0)
     if missing.size:  # where plies are far apart the column leads away from what is nearest to it
         way = np.einsum("mi,mi->m", centres[nearest[missing]] - start[missing], normal[missing])
         ahead = start[missing] + way[:, None] * normal[missing]
         again = other.around[tree.query(ahead)[1]]
-        found[missing] = _first_met(start[missing], normal[missing], others, again, reach)
-    return found
+        met[missing] = _first_met(start[missing], normal[missing], others, again, reach)
+    return met
 
 
 def _centres(corners: np.ndarray) -> np.ndarray:
@@ -266,14 +266,14 @@ def _first_met(
 
     start, direction : (m, 3). corners : of all faces (M, 4, 3). candidates : (m, K), -1 for none.
     """
-    best, found = np.full(len(start), np.inf), np.full(len(start), -1)
+    best, met = np.full(len(start), np.inf), np.full(len(start), -1)
     for column in candidates.T:
         face = corners[column]
         for one, two in ((1, 2), (2, 3)):
             way = _way_to_triangle(start, direction, face[:, 0], face[:, one], face[:, two])
             nearer = (column >= 0) & (way < best) & (way <= reach)
-            best[nearer], found[nearer] = way[nearer], column[nearer]
-    return found
+            best[nearer], met[nearer] = way[nearer], column[nearer]
+    return met
 
 
 def _way_to_triangle(

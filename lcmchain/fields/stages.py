@@ -1,4 +1,4 @@
-"""What a result says of the stages of its process: which frame is of which, and the springback."""
+"""Stages of the process in a result: the stage of each frame, and the springback."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.netcdf_file import ROOT
+from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.table import FIELDS
-from lcmchain.fields.ugrid import TIME, Variable
+from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.scene.stages import plies_there, stage_at
 from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
 
@@ -28,11 +28,11 @@ STAGE, STAGE_NAME, STAGE_END = "stage", "stage_name", "stage_end"
 
 
 def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    """Return the groups of ``forming.nc`` with what they say of stages; as they are without any.
+    """Return the groups of ``forming.nc`` with their stages; as they are without any.
 
-    ``/history`` gets ``stage``, the number of the stage that each frame belongs to, by its end at a
-    border, and the end of every stage; the sheets get the ``springback`` of a stage that ends at
-    rest, if they were there before it.
+    ``/history`` gets ``stage``, the number of the stage of each frame, and the end of every stage.
+    A frame at the border of two stages belongs to the first one. Sheets that were there before a
+    stage that ends at rest get its ``springback``.
     """
     if not scene.stages:
         return datasets
@@ -44,10 +44,10 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
     history[STAGE_NAME] = STAGE_NAME, np.array(names), {"long_name": "name of the stage"}
     ends = np.array(list(accumulate(stage.time for stage in scene.stages)))
     history[STAGE_END] = STAGE_NAME, ends, {"units": "s", "long_name": "end of the stage"}
-    found = {**datasets, HISTORY: history}
+    groups = {**datasets, HISTORY: history}
     closed = _frame_before_rest(scene, times)
     if closed is None:
-        return found
+        return groups
     there = plies_there(scene, times[[closed]])
     waiting = [name for name, is_there in there.items() if not is_there[0]]
     for name, group in datasets.items():
@@ -56,20 +56,20 @@ def with_stages(scene: Scene, datasets: dict[str, xr.Dataset]) -> dict[str, xr.D
         if waiting and name.strip("/") in ("", *waiting):
             continue
         if mesh is not None:
-            found[name] = _with_springback(group, mesh, closed)
-    return found
+            groups[name] = _with_springback(group, mesh, closed)
+    return groups
 
 
 def stage_variable(
     dimensions: tuple[str, ...], numbers: np.ndarray, names: Sequence[str]
 ) -> Variable:
     """Return the numbers of stages as a variable that says their names."""
-    about: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         "long_name": "stage of the process",
         "flag_values": np.arange(len(names), dtype=np.int8),
         "flag_meanings": " ".join(names),
     }
-    return dimensions, numbers.astype(np.int8), about
+    return dimensions, numbers.astype(np.int8), attributes
 
 
 def _frame_before_rest(scene: Scene, times: np.ndarray) -> int | None:
@@ -92,8 +92,6 @@ def _mesh_of(group: xr.Dataset) -> str | None:
 
 
 def _with_springback(group: xr.Dataset, mesh: str, closed: int) -> xr.Dataset:
-    from lcmchain.fields.ugrid import UgridMesh
-
     before = sheet_positions(group, closed)
     values = np.zeros(group["displacement_x"].shape)
     for frame in range(closed + 1, len(values)):
@@ -106,7 +104,7 @@ def _with_springback(group: xr.Dataset, mesh: str, closed: int) -> xr.Dataset:
 
 
 def springback(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return how far points have moved beside a motion of all of them as a body.
+    """Return how far points have moved, without the motion of all of them as a rigid body.
 
     Parameters
     ----------
@@ -114,7 +112,7 @@ def springback(before: np.ndarray, after: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    (n,) [m], for the motion that makes the sum of their squares least (Kabsch 1976).
+    (n,) [m], for the rigid motion with the least sum of their squares (Kabsch 1976).
     """
     start, end = before - before.mean(axis=0), after - after.mean(axis=0)
     left, _, right = np.linalg.svd(start.T @ end)
@@ -136,7 +134,7 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
     """
     if not model.stages:
         return {}
-    found = []
+    entries = []
     for number, stage in enumerate(model.stages[: model.stage + 1]):
         entry: dict[str, Any] = {
             "name": stage.name,
@@ -158,8 +156,8 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
                 "stops": int(rest[REST_STOPS]),
                 "ended": bool(state.time >= stage.end * (1.0 - 1e-12)),
             }
-        found.append(entry)
-    summary: dict[str, Any] = {"stages": found}
+        entries.append(entry)
+    summary: dict[str, Any] = {"stages": entries}
     root = datasets[ROOT]
     if "springback" in root:
         last = root["springback"].values[-1]
@@ -170,7 +168,7 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
 
 def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
     """Say which stages ended before the sheet was at rest, and how still it was."""
-    found = []
+    warnings = []
     for stage in summary.get("stages", ()):
         rest = stage.get("rest")
         if rest is None or rest["reached_s"] is not None or not rest["ended"]:
@@ -182,11 +180,11 @@ def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
                 f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
                 f"wanted is {rest['wanted']:g}"
             )
-        found.append(
+        warnings.append(
             f"the sheet did not come to rest in the stage {stage['name']}: {how}; use a longer "
             f"stages.{stage['name']}.time"
         )
-    return found
+    return warnings
 
 
 def last_frames(history: xr.Dataset) -> list[tuple[str, int]]:
@@ -195,12 +193,12 @@ def last_frames(history: xr.Dataset) -> list[tuple[str, int]]:
         return []
     of_frames = history[STAGE].values
     names = [str(name) for name in history[STAGE_NAME].values]
-    found = []
+    last = []
     for number, name in enumerate(names):
-        own = np.flatnonzero(of_frames == number)
-        if own.size:
-            found.append((name, int(own[-1])))
-    return found
+        frames = np.flatnonzero(of_frames == number)
+        if frames.size:
+            last.append((name, int(frames[-1])))
+    return last
 
 
 def borders(history: xr.Dataset) -> list[tuple[str, float]]:

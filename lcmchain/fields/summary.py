@@ -1,4 +1,4 @@
-"""Numbers that sum a forming result up: mass, extrema, and warnings in words."""
+"""Numbers that sum a forming result up: fibre mass, extrema and forces."""
 
 from __future__ import annotations
 
@@ -8,21 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.between_plies import ContactOfFaces
-from lcmchain.fields.crossings import crossing_warnings
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.limits import (
-    compaction_range_warnings,
-    packing_warnings,
-    shear_range_warnings,
-)
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import film_names, plies_of
-from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.wrinkle_risk import EXPECTED, RISK
-from lcmchain.fields.wrinkles import wave_warnings
 from lcmchain.interfaces.in_frames import APART
-from lcmchain.materials.law import Material
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -152,11 +143,11 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
 
 
 def _between_plies(sheets: Sequence[xr.Dataset], frame: int) -> dict[str, float]:
-    """Return what plies do to each other at most, on both faces of some of them.
+    """Return the largest pressure and slip between plies, on both faces of some of them.
 
     ``sliding_part`` is that of the area that touches another ply in the last step of the frame.
     """
-    found = ContactOfFaces()
+    contact = ContactOfFaces()
     for sheet in sheets:
         if "ply_contact_top" not in sheet:
             continue
@@ -166,22 +157,23 @@ def _between_plies(sheets: Sequence[xr.Dataset], frame: int) -> dict[str, float]
                 sheet[f"{name}_{side}"].values[frame]
                 for name in ("ply_pressure", "slip_path", "ply_contact")
             )
-            found.add(pressure, path, state, area)
-    return found.measures()
+            contact.add(pressure, path, state, area)
+    return contact.measures()
 
 
 def _deepest_in_plies(sheets: Mapping[str, xr.Dataset]) -> dict[str, Any]:
     """Return where a node is deepest in another ply that it touches, of all frames and faces.
 
-    Measured by the thickness of the thinner one at the start: ``part`` of it, ``depth_m``, the ply
-    of the node, the one that it is in, and the time. What bears no force lies beside a rim.
+    ``part`` is the depth over the initial thickness of the thinner ply. ``depth_m``, the ply of the
+    node, the one that it is in, and the time come with it. A node without a force lies beside a rim
+    and does not count.
     """
     thickness = {
         name: float(sheet["thickness"].values[0].max())
         for name, sheet in sheets.items()
         if "thickness" in sheet
     }
-    found: dict[str, Any] = {}
+    deepest: dict[str, Any] = {}
     for name, sheet in sheets.items():
         for side in ("top", "bottom"):
             if f"ply_gap_{side}" not in sheet or name not in thickness:
@@ -193,31 +185,18 @@ def _deepest_in_plies(sheets: Mapping[str, xr.Dataset]) -> dict[str, Any]:
             for number, other in zip(flags, faced.attrs["flag_meanings"].split(), strict=True):
                 if other not in thickness:
                     continue
-                own = np.where(faced.values == number, np.nan_to_num(depth), 0.0)
-                at, _ = np.unravel_index(np.argmax(own), own.shape)
-                part = float(own.max()) / min(thickness[name], thickness[other])
-                if part > found.get("part", -1.0):
-                    found = {
+                into = np.where(faced.values == number, np.nan_to_num(depth), 0.0)
+                at, _ = np.unravel_index(np.argmax(into), into.shape)
+                part = float(into.max()) / min(thickness[name], thickness[other])
+                if part > deepest.get("part", -1.0):
+                    deepest = {
                         "part": part,
-                        "depth_m": float(own.max()),
+                        "depth_m": float(into.max()),
                         "ply": name,
                         "into": other,
                         "time_s": float(sheet["time"].values[at]),
                     }
-    return {"ply_depth": found} if found else {}
-
-
-def field_warnings(sheet: xr.Dataset, material: Material) -> list[str]:
-    """Say in words what the model cannot tell, and where the fields leave its range."""
-    found = [] if "thickness" in sheet else [NO_THICKNESS]
-    return [
-        *found,
-        *packing_warnings(sheet, material),
-        *shear_range_warnings(sheet, material),
-        *compaction_range_warnings(sheet, material),
-        *(wave_warnings(sheet) if "wrinkle_height" in sheet else []),
-        *crossing_warnings(sheet, material.thickness),
-    ]
+    return {"ply_depth": deepest} if deepest else {}
 
 
 def has_forces(history: xr.Dataset) -> bool:

@@ -1,7 +1,7 @@
 """Meshes in netCDF files: topology, coordinates and variables on a mesh (UGRID 1.0, CF 1.11).
 
 Every mesh that the chain writes passes through this module, under any name and into any group of a
-file. Variables are (dimensions, values, attributes), as xarray takes them.
+file.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ NO_NODE = np.int32(-1)
 #: Shapes of volumes by their number of nodes: name and flag of UGRID 1.0.
 VOLUME_SHAPES = {4: ("tetrahedron", 0), 5: ("pyramid", 1), 6: ("wedge", 2), 8: ("hexahedron", 3)}
 
+#: Dimensions, values and attributes.
 Variable = tuple[Sequence[str] | str, Any, dict[str, Any]]
+#: Values and attributes of a variable that has no mesh yet.
+Described = tuple[np.ndarray, dict[str, Any]]
 
 
 @dataclass(frozen=True)

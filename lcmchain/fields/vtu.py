@@ -25,12 +25,13 @@ if TYPE_CHECKING:
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
-    Points are the positions of the frame, with the ``displacement`` that led to them and the
-    ``tool_pressure`` and ``wrinkle_height`` on them, and of a stack what other plies do to the face
-    that a point lies on, ``ply_pressure``, ``slip_path`` and so on; vectors have three components.
+    Points are the positions of the frame. They have the ``displacement``, ``tool_pressure`` and
+    ``wrinkle_height``. In a stack they also have the contact with other plies on their face:
+    ``ply_pressure``, ``slip_path`` and so on. Vectors have three components.
+
     Cells are hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D
-    approach; the cell data ``element`` holds the element numbers, and of a stack ``ply`` the number
-    of the ply, 0 the lowest.
+    approach. The cell data ``element`` holds the numbers of the elements, in a stack ``ply`` those
+    of the plies, 0 the lowest.
 
     Raises
     ------
@@ -134,7 +135,7 @@ def _stack_mesh(
 ) -> meshio.Mesh:
     """Return all plies as one mesh: ``ply`` is the number of each cell's, 0 the lowest.
 
-    What a ply does not have is not a number; ``element`` counts through all plies.
+    Fields that a ply lacks are not a number there. ``element`` counts through all plies.
     """
     meshes = [_sheet_mesh(groups, frame) for groups in plies]
     kinds = dict.fromkeys(block.type for mesh in meshes for block in mesh.cells)
@@ -199,7 +200,7 @@ def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
 
 def _between_plies(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
     """Return what other plies do to the nodes of the solid: lower ones first, then upper ones."""
-    found = {}
+    fields = {}
     for top in (name for name in BETWEEN_PLIES if name.endswith("_top")):
         stem = top.removesuffix("_top")
         sides = [f"{stem}_{side}" for side in ("bottom", "top")]
@@ -209,8 +210,8 @@ def _between_plies(sheet: xr.Dataset, frame: int) -> dict[str, np.ndarray]:
             values = [vector(sheet, name, frame) for name in sides]
         else:
             values = [sheet[name].values[frame] for name in sides]
-        found[stem] = np.concatenate(values)
-    return found
+        fields[stem] = np.concatenate(values)
+    return fields
 
 
 def _solid_blocks(solid: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:

@@ -137,7 +137,7 @@ def critical_strains(material: Material, half_wave: float) -> np.ndarray:
     Shape (families,); infinite for fibres without a stiffness in compression.
     """
     thickness, bending = material.thickness, material.bending_matrix()
-    found = []
+    strains = []
     for angle in fibre_angles(material):
         c, s = np.cos(angle), np.sin(angle)
         along = np.array([c * c, s * s, 0.0, 2.0 * c * s, 0.0, 0.0])
@@ -146,8 +146,8 @@ def critical_strains(material: Material, half_wave: float) -> np.ndarray:
         membrane, shear = along @ tangent @ along, across @ tangent @ across
         euler = np.pi**2 * (along @ bending @ along) * thickness**3 / (12.0 * half_wave**2)
         force = 1.0 / (1.0 / euler + 1.0 / (shear * thickness)) if min(euler, shear) > 0 else 0.0
-        found.append(force / (membrane * thickness) if membrane > 0.0 else np.inf)
-    return np.array(found)
+        strains.append(force / (membrane * thickness) if membrane > 0.0 else np.inf)
+    return np.array(strains)
 
 
 def _compression(
@@ -182,8 +182,8 @@ def _means_around(mesh: SheetMesh, values: np.ndarray, reach: float) -> np.ndarr
 def _waves(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:
     faces, lines = closed_faces(mesh.sheet_faces), fibre_lines(mesh)
     surfaces = mesh.mid_surface(positions)
-    found = [elements_in_waves(surface, faces, lines) for surface in surfaces]
-    return LEAST_ELEMENTS_PER_WAVE / np.stack(found)
+    elements = [elements_in_waves(surface, faces, lines) for surface in surfaces]
+    return LEAST_ELEMENTS_PER_WAVE / np.stack(elements)
 
 
 def _free_of_tools(

@@ -1,22 +1,21 @@
 """Height of wrinkles, and how many elements their waves have.
 
-The height is how far the mid-surface stands off from a smoothed copy of itself.
+The height is the distance of the mid-surface from a smoothed copy of itself. The smoothed copy is a
+local regression (Cleveland and Devlin, "Locally weighted regression", J. Am. Stat. Assoc. 83,
+1988): at every node a quadratic function of the reference coordinates, fitted to the positions of
+all nodes within the reach, weighted by (1 - (r / reach)²)². It depends on the undeformed mesh
+alone.
 
-The smoothed copy is a local regression (Cleveland and Devlin, "Locally weighted regression",
-J. Am. Stat. Assoc. 83, 1988): at every node a quadratic function of the reference coordinates,
-fitted to the positions of all nodes within the reach, weighted by (1 - (r / reach)²)². It depends
-on the undeformed mesh alone.
-
-What it does is known beforehand. Flat sheets, rigid motions and homogeneous deformations are
+Its errors are known beforehand. Flat sheets, rigid motions and homogeneous deformations are
 reproduced exactly. Waves up to :data:`WAVE_PART` of the reach leave at most 5 % of their height in
 the copy, inside the sheet and, with 11 %, where they run along an edge; waves parallel to a free
 edge are taken for curvature in part: 0.4 to 0.8 of their height is left on the edge and the next
 line of nodes, 0.7 and more farther in. A smooth sphere of radius R is missed by reach⁴ / (360 R³),
 a cylinder by 3/8 of it.
 
-A tool's fillet is sharper than that, and no wrinkle. Therefore a height is at most the clear
-distance to the tool that the sheet has lifted off from, the one below a crest or above a trough:
-a sheet that lies on a tool has the tool's shape.
+The fillet of a tool is sharper than that, but no wrinkle. Therefore a height is at most the clear
+distance to the tool that the sheet has lifted off from, below a crest or above a trough. A sheet
+that lies on a tool has the tool's shape, and no height.
 
 A wave is where the sheet turns back and forth along a fibre.
 """
@@ -32,17 +31,13 @@ from scipy.spatial import cKDTree
 
 from lcmchain.fields.derived import median_edge_length
 from lcmchain.fields.sheet import (
-    face_centres,
     mesh_axes,
     reference_positions,
-    sheet_areas,
     sheet_faces,
     sheet_positions,
 )
 from lcmchain.mesh.lines import FibreLines, lines_along
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
-from lcmchain.quantities.readable import millimetres
-from lcmchain.thresholds import LEAST_ELEMENTS_PER_WAVE
 from lcmchain.tools.distance import gaps
 from lcmchain.tools.table import ToolTable
 
@@ -280,32 +275,9 @@ def elements_in_waves(points: np.ndarray, faces: np.ndarray, lines: FibreLines) 
         for side in range(4):
             start, end = faces[:, side], faces[:, (side + 1) % 4]
             for one, other in ((start, end), (end, start)):
-                found = np.where(after[one] == other, of_edge[one], np.inf)
-                shortest = np.minimum(shortest, found)
+                beside = np.where(after[one] == other, of_edge[one], np.inf)
+                shortest = np.minimum(shortest, beside)
     return shortest
-
-
-def area_in_waves_below(sheet: xr.Dataset, found: np.ndarray, count: float) -> float:
-    """Return the part of the undeformed area in waves of fewer elements than ``count``.
-
-    found : from :func:`elements_per_wave`.
-    """
-    areas = sheet_areas(sheet, 0)
-    return float(areas[found < count].sum() / areas.sum())
-
-
-def wave_warnings(sheet: xr.Dataset, frame: int = -1) -> list[str]:
-    """Say where waves of a frame have too few elements."""
-    found = elements_per_wave(sheet, frame)
-    part = area_in_waves_below(sheet, found, LEAST_ELEMENTS_PER_WAVE)
-    if part == 0.0:
-        return []
-    place = millimetres(face_centres(sheet, formed=True)[int(np.argmin(found))], 1)
-    return [
-        f"waves are unresolved: down to {found.min():.1f} elements per wavelength, at {place}, and "
-        f"fewer than {LEAST_ELEMENTS_PER_WAVE} in {part:.2%} of the area, so that their height and "
-        "length are those of the mesh; use a smaller blank.edge_length"
-    ]
 
 
 def _lines(before: np.ndarray, after: np.ndarray) -> Iterator[np.ndarray]:
@@ -320,8 +292,7 @@ def _lines(before: np.ndarray, after: np.ndarray) -> Iterator[np.ndarray]:
 def _turns(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Return the angles [rad] at the inner nodes of a line, positive where it turns upwards.
 
-    Of the turn of a fibre only that out of the plane of the sheet counts, not what shear makes of
-    its way in the plane.
+    Only the turn out of the plane of the sheet counts, not the turn in the plane by shear.
     """
     edges = np.diff(points, axis=0)
     edges /= np.maximum(np.linalg.norm(edges, axis=1), 1e-300)[:, None]
@@ -338,12 +309,14 @@ def half_waves(turns: np.ndarray) -> list[tuple[float, float]]:
     ends = np.flatnonzero(np.diff(np.sign(turns)) != 0)
     pieces = np.split(np.arange(len(turns)), ends + 1)
     notable = [p for p in pieces if len(p) and abs(turns[p].sum()) >= LEAST_TURN]
-    found = []
+    inflections = []
     for before, piece, after in zip(notable, notable[1:], notable[2:]):
         sign = np.sign(turns[piece[0]])
         if sign != np.sign(turns[before[0]]) and sign != np.sign(turns[after[0]]):
-            found.append((_inflection(turns, before, piece), _inflection(turns, piece, after)))
-    return found
+            inflections.append(
+                (_inflection(turns, before, piece), _inflection(turns, piece, after))
+            )
+    return inflections
 
 
 def _inflection(turns: np.ndarray, one: np.ndarray, other: np.ndarray) -> float:

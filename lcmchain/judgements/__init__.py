@@ -2,13 +2,14 @@
 
 ::
 
-    thresholds ─▶ quasi_static   pace, energies, rest, snaps, resolution  ┐
-                  contact        depth in tools and plies                 ├─▶ verdicts ─▶ report
-                  fibre_strain   strain of fibres                         ┘
-                        │                                    fields and mappings: in verdicts
+    thresholds ─▶ quasi_static   pace, energies, rest, snaps, resolution   ┐
+                  contact        depth in tools and plies, what it hides   ├─▶ verdicts ─▶ report
+                  fields         waves, strain of fibres, shear, packing   ┘   (and mappings)
+                    └ crossings  a sheet that passes through itself
+                        │
                         └─▶ warnings of ``summary.json``, which terminal and report repeat
 
 A measure has a warning, which a run gives with the value that cures it, and a verdict, which is
-good, doubtful or bad (grades). Both stand side by side and read the same threshold, so that a check
-is doubtful exactly where the summary warns.
+good, doubtful or bad (``grades``). Both stand side by side and read the same threshold, so that a
+check is doubtful exactly where the summary warns.
 """

@@ -1,11 +1,14 @@
-"""How far nodes reach into tools and other plies, and what of the compaction that hides."""
+"""How far nodes reach into tools and other plies, and what that hides of the compaction."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from lcmchain.fields.limits import hidden_text
+import numpy as np
+
+from lcmchain.effects.contact_depth import nominal_pressure
+from lcmchain.elements.family import Body
 from lcmchain.judgements.grades import GOOD, GRADES, Verdict, grade_of, share
 from lcmchain.quantities.readable import milliseconds_text, percent
 from lcmchain.scene import Scene
@@ -17,6 +20,12 @@ from lcmchain.thresholds import (
     LARGEST_PENETRATION,
     LARGEST_PLY_DEPTH,
 )
+from lcmchain.tools.distance import gaps
+from lcmchain.tools.table import yields
+
+if TYPE_CHECKING:
+    from lcmchain.model import Model
+    from lcmchain.solver.simulation import Snapshot
 
 
 def penetration_warnings(summary: Mapping[str, Any], thickness: float) -> list[str]:
@@ -60,6 +69,104 @@ def ply_depth_verdict(summary: Mapping[str, Any]) -> Iterator[Verdict]:
         "thickness and pressure are not known there; a ply whose rim dents another one does so at "
         "single nodes",
         "interfaces.penalty, edge_length",
+    )
+
+
+# --- what the depth of nodes in the tools hides of the compaction ---------------------------------
+# Two tools that close to a gap leave a sheet thicker by the depths of its nodes in both of them. A
+# law of compaction that stiffens turns a few hundredths of the thickness into a large part of the
+# pressure. Tools that a force guides are left out: under a given force the thickness does not
+# depend on how deep they stand.
+
+
+def hidden_compaction(model: Model, snapshots: Sequence[Snapshot]) -> dict[str, float]:
+    """Return what depths hide in the frame in which the sheet between tools is pressed most.
+
+    Returns
+    -------
+    ``hidden_thickness_part`` : by how much the sheet between tools is too thick, in parts of its
+    thickness, weighted with the pressure. ``hidden_force_part`` : by how much the force over its
+    thickness would be larger without the depths, by the law of the material, in parts of it. Both
+    are absent where no frame has a sheet between two tools with prescribed motions.
+    """
+    tools = np.flatnonzero(~yields(model.tools)).tolist()
+    bodies = [body for body in model.bodies if body.mesh.has_thickness]
+    if len(tools) < 2 or not bodies:
+        return {}
+    force, largest = 0.0, {}
+    for snapshot in snapshots:
+        depth = _depths(model, tools, snapshot)
+        for body in bodies:
+            pressed, measures = _of_body(body, snapshot.position, depth)
+            if pressed > force:
+                force, largest = pressed, measures
+    return largest
+
+
+def _depths(model: Model, tools: Sequence[int], snapshot: Snapshot) -> np.ndarray:
+    """Return how deep nodes with contact lie in their tool (node_count,) [m], -inf for the others.
+
+    Depths that are driven to zero lie on both sides of it.
+    """
+    depth, at_work = np.full(model.node_count, -np.inf), model.tools_at_work(snapshot.time)
+    for tool in tools:
+        if not at_work[tool]:
+            continue
+        travel = float(snapshot.tool_travel[tool])
+        gap = gaps(model.tools, tool, snapshot.position, travel)
+        gap -= model.nodes.offset - model.tools.initial_overlap[tool]
+        depth = np.maximum(depth, -gap)
+    return np.where(snapshot.contact_force > 0.0, depth, -np.inf)
+
+
+def _of_body(
+    body: Body, positions: np.ndarray, depth: np.ndarray
+) -> tuple[float, dict[str, float]]:
+    """Return the force over the thickness between tools [N], and what depths hide of it."""
+    elements = body.mesh.elements + body.first_node
+    bottom, top = depth[elements[:, :4]], depth[elements[:, 4:]]
+    at_rest = body.material.thickness
+    # A node further away than that is pushed by another tool: one that a force guides.
+    least = -0.5 * at_rest
+    between = (bottom > least).all(axis=1) & (top > least).all(axis=1)
+    if not between.any():
+        return 0.0, {}
+    corners = positions[elements[between]]
+    area, thickness = _area_and_thickness(corners)
+    hidden = bottom[between].mean(axis=1) + top[between].mean(axis=1)
+    pressure = nominal_pressure(body.material, thickness / at_rest)
+    truly = nominal_pressure(body.material, (thickness - hidden) / at_rest)
+    force = float(area @ pressure)
+    if not force > 0.0:
+        return 0.0, {}
+    return force, {
+        "hidden_thickness_part": float((area * pressure) @ (hidden / thickness)) / force,
+        "hidden_force_part": float(area @ truly) / force - 1.0,
+    }
+
+
+def _area_and_thickness(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return area [m²] and thickness [m] of elements (count, 8, 3) at their centres."""
+    middle = 0.5 * (corners[:, :4] + corners[:, 4:])
+    normal = 0.5 * np.cross(middle[:, 2] - middle[:, 0], middle[:, 3] - middle[:, 1])
+    area = np.linalg.norm(normal, axis=1)
+    director = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
+    return area, np.einsum("ei,ei->e", director, normal) / area
+
+
+def hidden_compaction_warnings(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Say where the pressure between tools is not that of the law at their gap."""
+    thickness = summary.get("hidden_thickness_part", 0.0)
+    force = summary.get("hidden_force_part", 0.0)
+    if thickness > LARGEST_HIDDEN_THICKNESS or force > LARGEST_HIDDEN_FORCE:
+        yield hidden_text(thickness, force) + '; set contact.depth = "zero"'
+
+
+def hidden_text(thickness: float, force: float) -> str:
+    """Say how much of thickness and force the depths in the tools hide."""
+    return (
+        f"between tools the sheet is {100.0 * thickness:.2g} % too thick, and at their gap the law "
+        f"gives {100.0 * force:.2g} % more pressure, since nodes reach into the tools"
     )
 
 

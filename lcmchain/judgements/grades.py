@@ -12,7 +12,7 @@ NOT_JUDGED, GOOD, DOUBTFUL, BAD_GRADE = GRADES = ("not judged", "good", "doubtfu
 
 
 class Verdict(NamedTuple):
-    """What a check found.
+    """The verdict of a check.
 
     check : its name. grade : one of ``GRADES``. text : number, limit and meaning, in words.
     remedy_key : scene entries to change, where the grade is not good.
@@ -24,9 +24,9 @@ class Verdict(NamedTuple):
     remedy_key: str = ""
 
 
-def worst_grade(found: list[Verdict]) -> str:
+def worst_grade(verdicts: list[Verdict]) -> str:
     """Return the worst of the grades."""
-    return max((verdict.grade for verdict in found), key=GRADES.index, default=NOT_JUDGED)
+    return max((verdict.grade for verdict in verdicts), key=GRADES.index, default=NOT_JUDGED)
 
 
 def share(

@@ -1,4 +1,4 @@
-"""Whether a process is slow enough to be quasi-static: what the sheet needs, and what a run did.
+"""Whether a process is slow enough to be quasi-static: the time that the sheet needs, and a run's.
 
 A shear wave crosses a sheet of length L at c = sqrt(G/ρ), so that its slowest shear vibration with
 free edges has the period 2 L/c. G is the tangent of the shear law: at rest, and where the law is
@@ -62,7 +62,7 @@ IDLE_STRAIN = 1e-6
 
 @dataclass(frozen=True)
 class ProcessTime:
-    """What the process time of a sheet is to be compared with [s].
+    """Times that the process time of a sheet is compared with [s].
 
     period, softened_period : of the slowest shear vibration at rest and at the softest shear.
     holder_periods : of each guided tool that bounces on the thickness of the sheet, by its name.
@@ -106,8 +106,8 @@ def process_time_needed(model: Model) -> ProcessTime:
 
 
 def _holder_periods(model: Model) -> dict[str, float]:
-    """Return 2π sqrt(m/k), k from the thickness stiffness of all sheets, one on the other."""
-    found = {}
+    """Return 2π sqrt(m/k), with k from the stiffness of all sheets over their thickness."""
+    periods = {}
     stiffness = 1.0 / sum(
         body.material.thickness
         / (body.material.wave_stiffness()[1] * float(np.sum(body.mesh.element_areas)))
@@ -116,8 +116,8 @@ def _holder_periods(model: Model) -> dict[str, float]:
     for tool, name in enumerate(model.tool_names):
         if model.tools.motion_kind[tool] == GUIDED:
             mass = float(model.tools.mass[tool])
-            found[name] = 2.0 * math.pi * math.sqrt(mass / stiffness)
-    return found
+            periods[name] = 2.0 * math.pi * math.sqrt(mass / stiffness)
+    return periods
 
 
 def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
@@ -259,7 +259,7 @@ def balance_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdic
 def quasi_static_warnings(
     measures: Mapping[str, float], scene: Scene, needed: ProcessTime
 ) -> list[str]:
-    """Say in words what inertia, damping and hourglass terms spoil, and which entry cures it.
+    """Say which errors inertia, damping and hourglass terms cause, and which entry cures them.
 
     measures : from :func:`quasi_static_measures`; needed : from :func:`process_time_needed`.
     """
@@ -270,7 +270,7 @@ def quasi_static_warnings(
 
 
 def _too_fast(measures: Mapping[str, float], scene: Scene, needed: ProcessTime) -> str | None:
-    """Say in one line that inertia and damping spoil a process, with the one entry that cures both.
+    """Say in one line that a process is too fast, where one entry cures inertia and damping.
 
     None where it takes two: where the tools do not set the pace, or the damping is that of a tool
     or of a sheet that snaps.
@@ -308,7 +308,7 @@ def _time_for_inertia(ratio: float, scene: Scene, needed: ProcessTime) -> float:
 def _excess_of_damping(part: float) -> float:
     """Return the factor of the process time that brings the work of mass damping to its limit.
 
-    That work grows with the rate of the damping, and falls with the process time.
+    The work of mass damping grows with its rate and falls with the process time.
     """
     return part * (1.0 - LARGEST_DAMPING_PART) / (LARGEST_DAMPING_PART * (1.0 - part))
 
@@ -439,7 +439,7 @@ def _of_punch(summary: Mapping[str, Any]) -> str:
 
 
 def motion_in_force(parts: Mapping[str, float]) -> str:
-    """Say where damping and inertia of a force are no parts of it; empty where they are.
+    """Say that damping and inertia are no parts of a force, where that is so; else empty.
 
     Over a piece of the travel in which the sheet swings, one of them may exceed the force, and
     others are negative: then nothing is taken *of* the force.
@@ -502,16 +502,16 @@ def snap_warnings(loads: Mapping[str, Any], scene: Scene) -> list[str]:
 
     loads : of every tool, see :func:`lcmchain.fields.loads.tool_loads`.
     """
-    found: list[str] = []
+    warnings: list[str] = []
     for name in led_tools(scene):
         if snaps := loads.get(name, {}).get("snaps"):
             slower = slower_process(scene, 2.0 * scene.process.time)
-            found.append(
+            warnings.append(
                 f"the sheet snaps under {name}: {snaps_text(snaps)}, and the sheet gives off what "
                 "it had stored; what it does from there on may depend on pace and mesh, which "
                 f"{slower} and a smaller blank.edge_length show"
             )
-    return found
+    return warnings
 
 
 def snap_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:

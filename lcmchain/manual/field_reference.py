@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lcmchain.fields.history_group import HISTORY_FIELDS
+from lcmchain.fields.saved import HISTORY_FIELDS
 from lcmchain.fields.table import FIELDS, Field
 from lcmchain.manual.tables import code, markdown_table
 

@@ -2,20 +2,19 @@
 
 ::
 
-    scene, forming.nc ─▶ start, pictures, stack_pictures, sections, plots, animation
-                                          │  drawn by renderer, seen through view, in the style
-                                          │  of style; shown names fields, files and captions
+    scene, forming.nc ─▶ start, pictures, stack_pictures, sections, plots
+                                          │  by renderer, seen through view; style has colours,
+                                          │  how fields are shown, files and captions
                                           ▼
                                  run_pictures: all PNG files of a run, and its film
                                           │
     summary.json ─▶ numbers, chapters: what a run found, in words ──▶ terminal
                 │                         │
                 └─▶ lcmchain.judgements: grade, words and remedy of every measure
-                                          │
-    forming.nc ─▶ page_data: numbers of   ▼
-                  curves and 3D view ─▶ html: report.html, in one file
+                                          ▼
+    forming.nc ─────────────────────────▶ html: report.html, in one file
 
-What draws takes the groups of a result or plain arrays, and knows nothing of the solver.
+Drawing functions take the groups of a result or plain arrays, and know nothing of the solver.
 """
 
 import lazy_loader

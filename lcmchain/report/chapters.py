@@ -1,4 +1,4 @@
-"""What stages, mappings and infiltrations did, in words for the terminal and the report."""
+"""Results of stages, mappings and infiltrations in words, for the terminal and the report."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force
+from lcmchain.fields.saved import SAMPLE
 from lcmchain.fields.stages import last_frames
 from lcmchain.quantities.readable import milliseconds_text, percent
-from lcmchain.report.shown import PREFIX
+from lcmchain.report.style import PREFIX
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +34,7 @@ def stage_chapters(
     pictures : file, caption and address of all pictures of the run.
     """
     frames = dict(last_frames(datasets[HISTORY]))
-    found = []
+    chapters = []
     for number, stage in enumerate(summary.get("stages", ()), start=1):
         name = stage["name"]
         rows = list(_rows(stage, datasets, frames.get(name)))
@@ -43,9 +43,9 @@ def stage_chapters(
             for filling in summary.get("infiltration", {}).values()
             if name in filling.get("stages", {})
         ]
-        own = [p for p in pictures if Path(p[0]).name.startswith(f"{PREFIX}{number}_{name}_")]
-        found.append((f"{number}. {name}", rows, own))
-    return found
+        of_stage = [p for p in pictures if Path(p[0]).name.startswith(f"{PREFIX}{number}_{name}_")]
+        chapters.append((f"{number}. {name}", rows, of_stage))
+    return chapters
 
 
 def _rows(
@@ -231,13 +231,13 @@ def error_table(verification: Mapping[str, Mapping[str, Any]]) -> Table:
     table.add_column("field", no_wrap=True)
     for heading in ("largest", "cell", "rms", "there and back"):
         table.add_column(heading, justify="right")
-    for name, found in verification.items():
+    for name, error in verification.items():
         table.add_row(
             name,
-            in_words(found["worst"], found["units"]),
-            str(found["worst_cell"]),
-            in_words(found["root_mean_square"], found["units"]),
-            in_words(found["there_and_back"], found["units"]),
+            in_words(error["worst"], error["units"]),
+            str(error["worst_cell"]),
+            in_words(error["root_mean_square"], error["units"]),
+            in_words(error["there_and_back"], error["units"]),
         )
     return table
 
@@ -295,18 +295,18 @@ def mapping_rows(report: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _registration_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield how the target lies to the sheet, and whether it was moved."""
-    found = report.get("registration")
-    if found is None:
+    place = report.get("registration")
+    if place is None:
         return
     yield (
         "distance from the sheet, mean and root mean square",
-        f"{1e3 * found['signed_mean']:.3f} mm (above the sheet positive) and "
-        f"{1e3 * found['root_mean_square']:.3f} mm",
+        f"{1e3 * place['signed_mean']:.3f} mm (above the sheet positive) and "
+        f"{1e3 * place['root_mean_square']:.3f} mm",
     )
-    shift = ", ".join(f"{1e3 * value:.3f}" for value in found["shift"])
-    turn = ", ".join(f"{math.degrees(value):.3f}" for value in found["rotation"])
+    shift = ", ".join(f"{1e3 * value:.3f}" for value in place["shift"])
+    turn = ", ".join(f"{math.degrees(value):.3f}" for value in place["rotation"])
     yield (
         "motion that brings it to the sheet" + (", applied" if report["registered"] else ""),
         f"turned by ({turn})° and shifted by ({shift}) mm, which leaves "
-        f"{1e3 * found['root_mean_square_after']:.3f} mm root mean square",
+        f"{1e3 * place['root_mean_square_after']:.3f} mm root mean square",
     )

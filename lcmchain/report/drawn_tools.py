@@ -1,8 +1,8 @@
 """The tools of a run as its pictures show them: where they are, and transparent around the sheet.
 
 A transparent surface that is painted facet by facet shows the seams of its facets. Here all facets
-of a tool that lie in front of the sheet are one path, whose overlaps are filled once, and all that
-lie behind it another one. Which those are, a depth buffer of the sheet tells.
+of a tool in front of the sheet are one path, whose overlaps are filled once, and all facets behind
+the sheet another one. A depth buffer of the sheet tells them apart.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.stages import STAGE
+from lcmchain.report.renderer import one_path
 from lcmchain.report.style import SERIES
 from lcmchain.report.view import View, contour_edges, facet_normals
 from lcmchain.scene.stages import at_work
@@ -89,7 +90,7 @@ class RunTools:
 # --- transparent surfaces -------------------------------------------------------------------------
 
 
-# Of each of the two sides of a tool that a line of sight passes.
+# Of each side of a tool; a line of sight passes two.
 OPACITY = 0.13
 # Cells of the depth buffer over the larger extent of the sheet.
 CELLS = 500
@@ -166,7 +167,7 @@ def draw_tool(
             points[triangles[side * towards_viewer > 0.0]], view, sheet, side, size
         )
         for zorder, corners in zip((BEHIND, IN_FRONT if over_sheet else BEHIND), parts):
-            path = _one_path(view.on_screen(corners))
+            path = one_path(view.on_screen(corners))
             # an artist, since adding a patch takes the limits of every triangle
             axis.add_artist(
                 PathPatch(path, facecolor=colour, alpha=OPACITY, linewidth=0.0, zorder=zorder)
@@ -223,14 +224,3 @@ def divided_segments(segments: np.ndarray, size: float) -> np.ndarray:
     start, along = segments[owner, 0], (segments[owner, 1] - segments[owner, 0])
     share = (np.stack([part, part + 1], axis=1) / count[owner, None])[:, :, None]
     return start[:, None] + share * along[:, None]
-
-
-def _one_path(corners: np.ndarray):
-    """Join triangles with screen corners (F, 3, 2), all turned alike, to one path."""
-    from matplotlib.path import Path as DrawnPath
-
-    closed = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
-    codes = np.array(
-        [DrawnPath.MOVETO, DrawnPath.LINETO, DrawnPath.LINETO, DrawnPath.CLOSEPOLY], dtype=np.uint8
-    )
-    return DrawnPath(closed, np.tile(codes, len(corners)))

@@ -30,7 +30,7 @@ class Number(NamedTuple):
 
 
 def key_numbers(summary: Mapping[str, Any]) -> list[Number]:
-    """Return what matters first in a ``summary.json``; what it does not hold is left out."""
+    """Return the most important numbers of a ``summary.json``, as far as it has them."""
     return [
         *_stack(summary),
         *_shape(summary),
@@ -146,7 +146,7 @@ def _quoted_force(summary: Mapping[str, Any]) -> float:
 
 
 def _uncertainty(summary: Mapping[str, Any]) -> str:
-    """Return by how much the quoted force of the punch may be off, where the run knows it."""
+    """Return the uncertainty of the quoted force of the punch, where the run knows it."""
     loads = summary.get("tool_loads", {}).get(summary.get("punch", ""), {})
     of_largest = loads.get("force_uncertainty_N")  # older summaries have no other
     uncertainty = loads.get("force_quoted_uncertainty_N", of_largest)
@@ -156,7 +156,7 @@ def _uncertainty(summary: Mapping[str, Any]) -> str:
 
 
 def _punch_force(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what the quoted force is, the peak, and what inertia and damping take of it."""
+    """Yield what the quoted force is, its peak, and its parts of inertia and damping."""
     largest = summary["punch_force_max_N"]
     is_course = _quoted_force(summary) != largest
     if is_course:

@@ -36,8 +36,18 @@ from lcmchain.report.renderer import (
     paint,
     sheet_layer,
 )
-from lcmchain.report.shown import Shown, colour_scale
-from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, SERIES, headline, new_figure, save
+from lcmchain.report.style import (
+    FAINT,
+    FIBRE_COLOURS,
+    INK,
+    RC,
+    SERIES,
+    Shown,
+    colour_scale,
+    headline,
+    new_figure,
+    save,
+)
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
 if TYPE_CHECKING:
@@ -351,7 +361,7 @@ def draw_comparison(
     ----------
     path : of the PNG.
     sheets : root groups of the results by the name under which they are shown.
-    shown : the field, one of :data:`lcmchain.report.shown.SHOWN`.
+    shown : the field, one of :data:`lcmchain.report.style.SHOWN`.
     title : of the picture. frame : saved frame, the last one by default.
 
     Raises

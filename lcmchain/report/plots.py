@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 
-from lcmchain.fields.history_group import SAMPLE
 from lcmchain.fields.loads import has_histories, mean_force, quoted_force
+from lcmchain.fields.saved import SAMPLE
 from lcmchain.fields.stages import borders
 from lcmchain.fields.summary import punch_index, tool_force_magnitude
 from lcmchain.report.renderer import axes_at

@@ -8,12 +8,11 @@ catch.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lcmchain.report.shown import Shown
-from lcmchain.report.style import FAINT, INK
+from lcmchain.report.style import FAINT, INK, Shown
 from lcmchain.report.view import (
     View,
     brightness,
@@ -26,7 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
-    from matplotlib.typing import ColorType
+    from matplotlib.path import Path as DrawnPath
+    from matplotlib.typing import CapStyleType, ColorType, LineStyleType
 
 
 # Above this number of faces their edges would cover the colours.
@@ -95,7 +95,14 @@ def _as_facets(corners: np.ndarray) -> list[int]:
 
 
 def draw_mesh(
-    axis: Axes, corners: np.ndarray, view: View, *, face: str, edge: str, width: float, **more: Any
+    axis: Axes,
+    corners: np.ndarray,
+    view: View,
+    *,
+    face: str,
+    edge: str,
+    width: float,
+    zorder: float = 1.0,
 ) -> None:
     """Draw facets (F, K, 3) that carry no values: one colour, thin edges while there are few."""
     from matplotlib.collections import PolyCollection
@@ -107,7 +114,7 @@ def draw_mesh(
             facecolors=face,
             edgecolors=edge,
             linewidths=width,
-            **more,
+            zorder=zorder,
         )
     )
 
@@ -126,14 +133,26 @@ def draw_hatches(axis: Axes, corners: np.ndarray, view: View, pattern: str) -> N
 
 
 def draw_segments(
-    axis: Axes, segments: np.ndarray, view: View, colour: ColorType, width: float, **more: Any
+    axis: Axes,
+    segments: np.ndarray,
+    view: View,
+    colour: ColorType,
+    width: float,
+    *,
+    alpha: float | None = None,
+    style: LineStyleType = "solid",
+    capstyle: CapStyleType | None = None,
+    zorder: float = 2.0,
 ) -> None:
     """Draw segments (S, 2, 3), such as the lines that describe a surface."""
     from matplotlib.collections import LineCollection
 
     axis.add_collection(
-        LineCollection(view.on_screen(segments), colors=colour, linewidths=width, **more)  # type: ignore[arg-type]
-    )
+        LineCollection(
+            view.on_screen(segments), colors=colour, linewidths=width, alpha=alpha,  # type: ignore[arg-type]
+            linestyles=style, capstyle=capstyle, zorder=zorder,
+        )
+    )  # fmt: skip
 
 
 def draw_silhouette(
@@ -142,19 +161,23 @@ def draw_silhouette(
     triangles: np.ndarray,
     view: View,
     colour: ColorType,
-    **more: Any,
+    *,
+    zorder: float = 1.0,
 ) -> None:
     """Tint what a surface covers: twice where a closed one has a front and a back."""
     from matplotlib.patches import PathPatch
 
     for corners in fronts_and_backs(points, triangles, view):
         axis.add_patch(
-            PathPatch(_joined(corners), facecolor=colour, alpha=0.09, linewidth=0.0, **more)
+            PathPatch(one_path(corners), facecolor=colour, alpha=0.09, linewidth=0.0, zorder=zorder)
         )
 
 
-def _joined(corners: np.ndarray):
-    """Join polygons with corners (F, K, 2) to one path, whose overlaps are filled once."""
+def one_path(corners: np.ndarray) -> DrawnPath:
+    """Join polygons with corners (F, K, 2), all turned alike, to one path.
+
+    Their overlaps are filled once.
+    """
     from matplotlib.path import Path as DrawnPath
 
     count, sides = corners.shape[:2]
@@ -171,7 +194,7 @@ def draw_outline(
     *,
     colour: ColorType = FAINT,
     width: float = 0.8,
-    style: Any = (0, (5, 4)),
+    style: LineStyleType = (0, (5, 4)),
 ) -> None:
     """Draw the rim of a sheet as seen from above: one line for the legend, dashes run on."""
     from matplotlib.collections import LineCollection

@@ -91,12 +91,12 @@ def cut_sheet(
     cut = cut_polygons(triangles, height)
     lower, upper = cut.places(bottom), cut.places(top)
     strips = _chains(cut.ends)
-    found = []
+    cut_strips = []
     for strip in strips:
         if (lower[strip[-1]] - lower[strip[0]]) @ plane.along < 0.0:
             strip = strip[::-1]
-        found.append((lower[strip], upper[strip]))
-    return sorted(found, key=lambda faces: float((faces[0] @ plane.along).min()))
+        cut_strips.append((lower[strip], upper[strip]))
+    return sorted(cut_strips, key=lambda faces: float((faces[0] @ plane.along).min()))
 
 
 def _chains(pairs: np.ndarray) -> list[list[int]]:
@@ -237,12 +237,12 @@ def strips_of(datasets: Mapping[str, xr.Dataset], plane: Plane, frame: int) -> l
     if not solids:
         middle = sheet_positions(datasets[SHEET], frame)
         return cut_sheet(middle, middle, middle, sheet_faces(datasets[SHEET]), plane)
-    found = []
+    strips = []
     for solid in solids:
         positions = vector(solid, "reference_position") + vector(solid, "displacement", frame)
         bottom, top = np.split(positions, 2)  # the upper nodes come in the order of the lower ones
-        found += cut_sheet(0.5 * (bottom + top), bottom, top, _lower_faces(solid), plane)
-    return found
+        strips += cut_sheet(0.5 * (bottom + top), bottom, top, _lower_faces(solid), plane)
+    return strips
 
 
 def _lower_faces(solid: xr.Dataset) -> np.ndarray:

@@ -29,8 +29,19 @@ from lcmchain.report.renderer import (
     sheet_layer,
 )
 from lcmchain.report.sections import Plane, Strip, default_planes, draw_section, strips_of
-from lcmchain.report.shown import BETWEEN_SHOWN, SHOWN, Shown, colour_scale
-from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, headline, new_figure, save
+from lcmchain.report.style import (
+    BETWEEN_SHOWN,
+    FAINT,
+    FIBRE_COLOURS,
+    INK,
+    RC,
+    SHOWN,
+    Shown,
+    colour_scale,
+    headline,
+    new_figure,
+    save,
+)
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
 from lcmchain.tools.distance import gaps
 
@@ -106,7 +117,7 @@ def _draw_field(
 ) -> None:
     """Draw a field on every ply, formed and from above, in the same colours.
 
-    What plies do to each other is drawn where another one lies on the ply.
+    Fields between plies are drawn where another ply lies on the one that is shown.
 
     count : of all plies, where not all are drawn.
     """
@@ -331,9 +342,8 @@ def draw_stack_sections(
 ) -> None:
     """Draw cuts through all plies and the tools: to scale, and unrolled along the longest ply.
 
-    Unrolled, the middle of the ply that covers most of the cut is straight, of equal ones the
-    lowest, and all else is as far from it as it is, at every place the nearest way; the thickness
-    is stretched.
+    Unrolled, the middle of one ply is straight: of that which covers most of the cut, the lowest of
+    equal ones. All else keeps its shortest distance from this middle. The thickness is stretched.
 
     Parameters
     ----------
@@ -395,11 +405,11 @@ def _draw_unrolled(
     """Draw all plies over the length of the one that the plane cuts farthest."""
     from matplotlib.collections import PolyCollection
 
-    found = _base_of(plane, plies)
-    if found is None:
+    longest = _base_of(plane, plies)
+    if longest is None:
         axis.text(0.5, 0.5, "the plane misses the stack", transform=axis.transAxes, ha="center")
         return
-    name, base, line = found
+    name, base, line = longest
     thickness = float(np.linalg.norm(base[1] - base[0], axis=1).max())
     low, high = 0.0, 0.0
     for number, (_, strips) in enumerate(plies):
@@ -430,13 +440,13 @@ def _base_of(
 
     A patch tells nothing of the rest; of plies that are as long as each other the lowest is taken.
     """
-    found: tuple[str, Strip, _Line] | None = None
+    longest: tuple[str, Strip, _Line] | None = None
     for name, strips in plies:
         for strip in strips:
             line = _Line(plane.flat(0.5 * (strip[0] + strip[1])))
-            if found is None or line.length > (1.0 + AS_LONG) * found[2].length:
-                found = name, strip, line
-    return found
+            if longest is None or line.length > (1.0 + AS_LONG) * longest[2].length:
+                longest = name, strip, line
+    return longest
 
 
 def _draw_unrolled_tools(

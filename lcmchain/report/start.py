@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -33,6 +32,8 @@ BOTH_AXES = (0.0, 0.5 * np.pi)
 PULL_PART = 0.07
 GRIP_COLOUR = "#7a2f8f"
 
+#: Name, points [mm] (P, 3), triangles (F, 3) and colour of a tool, as far as the picture shows it.
+ToolInBox = tuple[str, np.ndarray, np.ndarray, str]
 #: Nodes (n, 3) [m] of a ply that a gripper has, and the direction (3,) of its pull, if it pulls.
 ShownGrip = tuple[np.ndarray, np.ndarray | None]
 
@@ -155,7 +156,7 @@ def draw_stack(
 
 def _tools_around(
     points: np.ndarray, tools: Sequence[tuple[str, np.ndarray, np.ndarray]]
-) -> tuple[np.ndarray, list[tuple[Any, ...]]]:
+) -> tuple[np.ndarray, list[ToolInBox]]:
     """Return a box around points [mm], and name, points, triangles, colour of tools in it."""
     from lcmchain.tools.tool import clip_to_box
 
@@ -253,7 +254,7 @@ def _draw_plan(axis, blank: BlankMesh, points, faces, rim, shapes, angles) -> No
     draw_segments(axis, points[rim], FROM_ABOVE, INK, 1.0)
     for _, vertices, triangles, colour in shapes:
         edges = contour_edges(vertices, triangles, FROM_ABOVE)
-        draw_segments(axis, edges, FROM_ABOVE, colour, 0.9, alpha=0.8, linestyles="--")
+        draw_segments(axis, edges, FROM_ABOVE, colour, 0.9, alpha=0.8, style="--")
     places, nearest, spacing = even_places(points[faces].mean(axis=1)[:, :2])
     along, across = blank.fibre_direction_1[nearest], blank.fibre_direction_2[nearest]
     for number, (angle, colour) in enumerate(zip(angles, FIBRE_COLOURS), start=1):

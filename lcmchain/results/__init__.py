@@ -1,19 +1,22 @@
-"""Folders of results: one run at a time, nothing of an earlier one between, and their state."""
+"""Folders of results.
 
-from lcmchain.results.folder import ResultsFolder
-from lcmchain.results.log import RunLog
-from lcmchain.results.progress import ProgressLines
-from lcmchain.results.state import (
+folder.py locks the folder for one run, sets the files of an earlier one aside, and holds the
+summary with the state of the results. log.py is what a run says while it goes on.
+"""
+
+from lcmchain.results.folder import (
     COMPLETE,
     INTERRUPTED,
     RUNNING,
     SUMMARY_FILE,
+    ResultsFolder,
     all_warnings,
     read_state,
     require_complete,
     stopped,
     write_summary,
 )
+from lcmchain.results.log import ProgressLines, RunLog
 
 __all__ = [
     "COMPLETE",

@@ -2,15 +2,15 @@
 
 ::
 
-    scene file, coupon ─▶ sources ─▶ Variant, Job (source) ─▶ runs ─▶ outcome: what a run is kept by
-                                                                        │
-         comparison: how two outcomes differ ◀──────────────────────────┤
-              │                                                         ▼
-         convergence: error and time by edge length    results: numbers that runs are told by
-              │                                                         │
-              ├─▶ accuracy ─▶ accuracy_files                            ├─▶ sweep
-              ├─▶ effects                                               └─▶ sensitivity
-              └─▶ chooser: a run that keeps errors or time,                 (settings: sampling)
+    scene file, coupon ─▶ sources: Variant, Job ─▶ runs ─▶ outcome: what is kept of a run
+                                                              │
+         comparison: how two outcomes differ ◀────────────────┤
+              │                                               ▼
+         convergence: error and time by edge length    results: numbers of a run, tables
+              │                                               │
+              ├─▶ accuracy ─▶ accuracy_files                  ├─▶ sweep
+              ├─▶ effects                                     └─▶ sensitivity
+              └─▶ chooser: a run that keeps errors or time,
                   by choice from pilots and step_settings
 """
 
@@ -18,8 +18,7 @@ from __future__ import annotations
 
 from lcmchain.study.accuracy import AccuracyStudy, study_accuracy
 from lcmchain.study.runs import Workers
-from lcmchain.study.source import Source, Variant
-from lcmchain.study.sources import SceneText, read_source
+from lcmchain.study.sources import SceneText, Source, Variant, read_source
 
 __all__ = [
     "AccuracyStudy",

@@ -1,9 +1,10 @@
 """What accuracy costs in time: runs of a scene with many settings, against the finest of them.
 
 The scene as it stands is one of them. Around it one thing at a time is varied, so that a reader
-sees what each buys; with the coarse mesh several, since the cheap settings lie there. The
-reference is the finest: the shortest edges and the longest process. Where the process time is part
-of the physics (:func:`lcmchain.study.step_settings.why_time_stays`) it stays as it is in all.
+sees the gain of each. On the coarse mesh several are varied, since the cheap settings lie there.
+The reference is the finest setting: the shortest edges and the longest process. Where the process
+time is part of the physics (:func:`lcmchain.study.step_settings.why_time_stays`) it stays as it is
+in all.
 
 Not among them: integration points. The solid-shell integrates its Taylor expansion in closed form
 and the shell its thickness, so there are none to choose (``lcmchain docs element``).
@@ -28,7 +29,7 @@ from lcmchain.study.comparison import BY_NAME, QUANTITIES, Difference, differenc
 from lcmchain.study.convergence import LEAST_PROGRESS, NO_ORDER, Convergence, fitted, progress
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
 from lcmchain.study.step_settings import why_time_stays
 
 # --- settings -------------------------------------------------------------------------------------
@@ -264,7 +265,7 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class AccuracyStudy:
-    """What the settings cost, and what they are off by.
+    """Cost and errors of the settings.
 
     Parameters
     ----------

@@ -51,13 +51,13 @@ def _order_rows(study: AccuracyStudy) -> Iterator[list[str]]:
     """Yield quantity, observed order, and how far the scene's mesh is from the limit by it."""
     scene = next((s for s in study.settings if s.variant.name == study.as_it_is), None)
     for name in study.quantities:
-        found = study.orders.get(name)
-        if found is None or not math.isfinite(found.order):
+        law = study.orders.get(name)
+        if law is None or not math.isfinite(law.order):
             yield [BY_NAME[name].title, "none seen", "-"]
         else:
             size = scene.variant.value if scene is not None else None
-            left = BY_NAME[name].text(found.error(size)) if size else "-"
-            yield [BY_NAME[name].title, f"{found.order:.1f}", left]
+            left = BY_NAME[name].text(law.error(size)) if size else "-"
+            yield [BY_NAME[name].title, f"{law.order:.1f}", left]
 
 
 def failures(study: AccuracyStudy) -> list[str]:

@@ -1,9 +1,9 @@
-"""What is chosen for a run that has to keep a wish, by pilots: its settings, mesh and time.
+"""The choice of mesh, settings and time for a run that has to keep a wish, from pilots.
 
-Settings are weighed against each other by their errors: what the mesh leaves, by the law that
-meshes of pilots follow (:mod:`lcmchain.study.convergence`), and what cheaper settings change,
-measured on a coarse mesh. The one has nothing to do with the other, so that their squares add up.
-Among those that keep the wish the quickest is taken.
+The expected error of a choice has two parts. One is that of the mesh, by the law that the meshes of
+pilots follow (:mod:`lcmchain.study.convergence`). The other is what cheaper settings change,
+measured on a coarse mesh. Both are independent, so that their squares add up. Of the choices that
+keep the wish the quickest is taken.
 """
 
 from __future__ import annotations
@@ -249,14 +249,14 @@ def _counted(meshes: Sequence[float]) -> str:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What pilots have told: how errors depend on the mesh, and what time a mesh takes.
+    """What is known from pilots: how errors depend on the mesh, and how long a mesh takes.
 
     Parameters
     ----------
     levels : meshes that were run, the coarsest first. laws : of errors over the edge length.
     own_edge : edge length of the scene [m]. shortest : that of the finest mesh that memory holds.
     left : solver time that may be spent on the run [s]; None for any.
-    rehearsed : seconds by edge length (:func:`lcmchain.study.convergence.expected_seconds`).
+    begun : seconds by edge length (:func:`lcmchain.study.convergence.expected_seconds`).
     settled : whether time allows no edge lengths but those: where the mesh has to fit the outline,
         others may have the elements of a finer or a coarser one.
     """
@@ -266,12 +266,12 @@ class Knowledge:
     own_edge: float = math.inf
     shortest: float = 0.0
     left: float | None = None
-    rehearsed: Mapping[float, float] = field(default_factory=dict)
+    begun: Mapping[float, float] = field(default_factory=dict)
     settled: bool = False
 
     def seconds(self, candidate: Candidate, edge: float) -> float:
         """Return the solver time of a run [s]."""
-        return candidate.cost * expected_seconds(self.levels, edge, self.rehearsed)
+        return candidate.cost * expected_seconds(self.levels, edge, self.begun)
 
     def errors(self, candidate: Candidate, edge: float) -> dict[str, float]:
         """Return the expected errors of a run."""
@@ -288,9 +288,9 @@ class Knowledge:
         if self.seconds(candidate, high) >= self.left:
             return high
         if self.settled:
-            # what rehearsals took while a mesh was looked for is little beside it
+            # what beginnings took while a mesh was looked for is little beside it
             most = ABOUT * self.left
-            fitting = [edge for edge in self.rehearsed if self.seconds(candidate, edge) <= most]
+            fitting = [edge for edge in self.begun if self.seconds(candidate, edge) <= most]
             if fitting:
                 return min(fitting)
         for _ in range(60):

@@ -1,18 +1,21 @@
 """Runs that keep a wish: errors that they may have, or time that they may take.
 
-Coarse meshes, the pilots, tell how the result depends on the edge length and what any mesh costs
-(:mod:`lcmchain.study.convergence`). On the coarsest of them cheaper settings are tried: added mass,
-softer fibres, a cheaper model; what each changes is its error, what it takes its price. Inertia and
-damping leave errors that go with the speed of the process for the sheet: runs with more mass tell
-those of the scene's own process as well, also where only a time is wished for. Settings that make a
-check of the program worse are not taken, on the coarse mesh or after the run. Pilots on finer
-meshes are run with what is cheap, and as long as they cost little beside the run that they are for.
-Then the run is made that :func:`lcmchain.study.choice.choose` takes; its first steps have
-told before what it takes (:mod:`lcmchain.study.runs`). It is the check: what it differs from
-the pilots by shows its own error, and where the wish turns out to be missed, a finer mesh is run.
+1. Pilots are runs on coarse meshes. They show how the result depends on the edge length, and what
+   any mesh costs (:mod:`lcmchain.study.convergence`).
+2. Cheaper settings are tried on the coarsest pilot: added mass, softer fibres, a cheaper model. The
+   error of a setting is what it changes, its price the time that it takes. Errors of inertia and
+   damping depend on the speed of the process. Runs with more mass therefore show those of the
+   scene's own process too, also where only a time is wished for. Settings that make a check of the
+   program worse are not taken, neither on the coarse mesh nor after the run.
+3. Pilots on finer meshes follow with the cheap settings, as long as they cost little beside the
+   run.
+4. :func:`lcmchain.study.choice.choose` takes mesh and settings. The first steps of that run tell
+   before how long it takes (:mod:`lcmchain.study.runs`).
+5. The run is the check. Its difference from the pilots shows its own error. Where it misses the
+   wish, a finer mesh is run.
 
-It holds as far as errors follow an order. Where wrinkles appear only on fine meshes no coarse run
-knows of them; the error that is reported after the run does, as far as its mesh resolves them.
+This holds as far as errors follow an order. Coarse runs know nothing of wrinkles that appear only
+on fine meshes. The error that is reported after the run does, as far as its mesh resolves them.
 """
 
 from __future__ import annotations
@@ -38,9 +41,8 @@ from lcmchain.study.convergence import (
     fitted,
 )
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.runs import DURATION, Progress, Rehearsal, Study, Workers, rehearse
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.runs import DURATION, Beginning, Progress, Study, Workers, begin_run
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     LONGER,
@@ -58,41 +60,40 @@ from lcmchain.study.step_settings import (
 PILOTS = (14, 20, 28, 40)
 #: Elements along the edge grow by these factors at least and at most from one pilot to the next.
 LEAST_RATIO, PILOT_RATIO = 1.15, math.sqrt(2.0)
-#: Pilots in all, and how much finer than the finest of them a mesh may be that they speak of: two
-#: meshes alone only tell whether the coarser one will do.
+#: Most pilots, and how much finer than the finest of them the mesh of a run may be. Two meshes
+#: alone only tell whether the coarser one will do.
 MOST_PILOTS = 6
 FARTHEST = 2.0
-#: A pilot takes a third of the time of the run at most, so its edges are longer by this factor.
+#: A pilot takes at most a third of the time of the run: its edges are longer by this factor.
 COARSER = 1.45
-#: Of a budget, or of the run they are for, so much goes into pilots that are not always made.
+#: Largest share of a budget, or of the time of the run, for pilots that are not always made.
 PILOT_SHARE = 0.3
-#: Time of the trials that are made of a budget, by that of a run with the settings of the scene: of
-#: all of them, and of the quick ones, which are always made.
+#: Time of the trials of settings within a budget, over that of a run with the settings of the
+#: scene: of all trials, and of the quick ones, which are always made.
 TRIALS, QUICK_TRIALS = 1.25, 0.375
-#: Of a budget the first pilot has so many elements along the edge: it tells times.
+#: Elements along the edge of the first pilot within a budget, which tells times alone.
 QUICK_PILOT = 8
-#: Meshes with fewer elements along the edge tell nothing of errors: neither of those of a mesh, nor
-#: of those that settings leave.
+#: Meshes with fewer elements along the edge tell nothing of errors, neither of the mesh nor of the
+#: settings.
 LEAST_COUNTED = 14
 #: Solver time over h^-q, before pilots tell it.
 COST_POWER = 3.0
-#: Order by which errors of the speed of a process usually fall with it: those of inertia by the
-#: second, those of damping by the first.
+#: Usual order by which errors fall with the speed of a process: 2 those of inertia, 1 of damping.
 ORDER_OF_SPEED = 1.5
-#: Part of a wish that the settings of pilots may be off by: what they add would be taken for errors
-#: of the meshes.
+#: Part of a wish that the settings of pilots may be off by. More would pass for an error of meshes.
 PILOTS_OFF = 0.1
-#: A model is tried if that takes less than this part of the run's time.
+#: A model is tried if the trial takes less than this part of the run's time.
 RUNG_SHARE = 0.1
-#: Without a budget no run is begun that takes longer than this [s], and this many times the scene.
+#: Without a budget no run is begun that takes longer than both this [s] and this many times the
+#: scene.
 LONGEST_RUN, TIMES_THE_SCENE = 600.0, 3.0
-#: So much of a budget is planned for: what a run takes is known to about a tenth.
+#: Part of a budget that is planned: the time of a run is known to about a tenth.
 PLANNED = 0.92
-#: The first steps of at most so many meshes are made to find one, until it is about one of them;
-#: each of them for this part of a budget at most.
-MOST_REHEARSALS, REHEARSAL_SHARE = 4, 0.01
-REHEARSED = 0.97
-#: A budget of which more than this factor would be left is spent on a slower process.
+#: At most so many choices are timed by the first steps on their mesh, each for at most this part of
+#: a budget, until a choice has about the edge length of one that was timed.
+MOST_BEGINNINGS, BEGINNING_SHARE = 4, 0.01
+ABOUT_TIMED = 0.97
+#: A slower process is taken where the time left is more than this factor of that of the run.
 SPARE = 1.2
 #: A run is repeated at most so often, and with edges shorter by this factor at least.
 MOST_RUNS = 3
@@ -132,14 +133,14 @@ class Chooser:
         self.pilots_as = Candidate(AS_IT_IS)
         self.tried_at = math.inf
         self.pilots: dict[tuple[float, StepSettings], Outcome] = {}
-        self.rehearsals: dict[float, Rehearsal] = {}
+        self.beginnings: dict[float, Beginning] = {}
         self.run_seconds = 0.0
 
     @property
     def pilot_seconds(self) -> float:
-        """Solver time of all pilots and rehearsals [s]."""
+        """Solver time of all pilots and beginnings [s]."""
         pilots = sum(outcome.seconds for outcome in self.pilots.values())
-        return pilots + sum(rehearsal.spent for rehearsal in self.rehearsals.values())
+        return pilots + sum(begun.spent for begun in self.beginnings.values())
 
     def run(self, make: Callable[[Choice], Outcome]) -> Choice:
         """Run pilots, then the scene by ``make`` until the wish is kept; return the last choice.
@@ -154,7 +155,7 @@ class Chooser:
             budget allows it.
         """
         self._run_pilots()
-        choice = self._rehearsed_choice()
+        choice = self._timed_choice()
         for _ in range(MOST_RUNS):
             self._announce(choice)
             outcome = make(choice)
@@ -165,7 +166,7 @@ class Chooser:
             if choice.worse:
                 choice = self._without_settings(choice)
                 continue
-            better = self._rehearsed_choice()
+            better = self._timed_choice()
             finer = NO_BETTER * choice.edge_length
             if better.edge_length > finer and self._converge(choice):
                 better.edge_length = finer  # less would tell nothing new
@@ -184,7 +185,7 @@ class Chooser:
     def _without_settings(self, choice: Choice) -> Choice:
         """Return what is chosen once settings have made a check worse on the mesh of the run.
 
-        As fast or as soft as these, no other settings are taken either.
+        Other settings that are as fast or as soft are not taken either.
         """
         taken = choice.settings
         self.candidates = [
@@ -197,7 +198,7 @@ class Chooser:
                 and (not taken.model or candidate.settings.model != taken.model)
             )
         ]
-        better = self._rehearsed_choice()
+        better = self._timed_choice()
         checks = ", ".join(choice.worse)
         settings = " and ".join(taken.in_words())
         better.notes.append(f"{settings} made checks of the run worse ({checks}), and were left")
@@ -236,9 +237,9 @@ class Chooser:
     def _pilot_edges(self) -> Iterator[float]:
         """Yield the edge lengths of the first pilots [m], two that give a result.
 
-        Of a budget no more than its part is used: what time allows is found by a first and coarse
-        one, then the two finest that fit follow. Only where none of them can be formed at all is
-        more of it spent, on finer ones.
+        Within a budget they use no more than its part for pilots. A first and coarse pilot shows
+        what time allows, and the two finest that fit follow. More is spent on finer ones only where
+        none of these can be formed at all.
         """
         if self.wish.budget is None:
             for count in PILOTS:
@@ -251,7 +252,7 @@ class Chooser:
         left = PILOT_SHARE * self.wish.budget - seconds
         coarser, finest = self._two_that_count(first, seconds, left)
         if not finest:
-            # of all, by the finer one
+            # time of all pilots over that of the finer one
             part = 1.0 + PILOT_RATIO**-COST_POWER * (1.0 + TRIALS)
             finest = first * (part * seconds / left) ** (1.0 / COST_POWER) if left > 0.0 else first
             finest = max(finest, self._size / PILOTS[-1])
@@ -265,8 +266,8 @@ class Chooser:
     def _two_that_count(self, first: float, seconds: float, left: float) -> tuple[float, float]:
         """Return edge lengths of two pilots that tell of errors [m], zeros where time is short.
 
-        Without two of them no error of a mesh is known, and softer fibres are not taken. Where the
-        time does not allow a coarser one with more elements, it has the least that count.
+        Without two of them no error of a mesh is known, and softer fibres are not taken. The
+        coarser one has the fewest elements that count.
 
         Parameters
         ----------
@@ -291,8 +292,8 @@ class Chooser:
     def _finer_than_failures(self) -> Iterator[float]:
         """Yield ever finer edge lengths [m] until one gives a result, as far as a budget goes.
 
-        Meshes that are too coarse for the radii of the tools are stopped by a guard. How long one
-        of them took before is the least that a finer one takes, but for its elements and steps.
+        Meshes that are too coarse for the radii of the tools are stopped by a guard. A finer one
+        takes at least as long as such a mesh did before, times its elements and steps.
         """
         while not self.levels:
             edge, settings = min(self.pilots, key=lambda made: made[0])
@@ -335,7 +336,7 @@ class Chooser:
         return self.pilots[edge, settings]
 
     def _add(self, edge: float, outcome: Outcome, made_as: Candidate) -> None:
-        """Take a run for what is known of its mesh, in place of an earlier one of about it."""
+        """Keep a run as what is known of its mesh, in place of one on about the same mesh."""
         others = [level for level in self.levels if not self._same_mesh(level.edge, edge)]
         level = Level(
             edge, outcome.seconds / made_as.cost, outcome, made_as.errors, made_as.settings
@@ -355,8 +356,8 @@ class Chooser:
     def _counted(self) -> list[Level]:
         """Known meshes that tell something of errors, the coarsest first.
 
-        What their settings are off by is taken from what is known now: some of them were run before
-        that was measured, or before it was measured on a finer mesh.
+        The errors of their settings are those known now. Some meshes were run before these errors
+        were measured, or before they were measured on a finer mesh.
         """
         off = {settings: candidate.errors for settings, candidate in self.measured.items()}
         return [
@@ -368,10 +369,10 @@ class Chooser:
     # --- settings ---------------------------------------------------------------------------------
 
     def _measure_inertia(self) -> None:
-        """Measure what speed and fibre modulus of the scene leave, where no error is wished for.
+        """Measure the errors by speed and fibre modulus, where no error is wished for.
 
-        The errors of such a run are stated as those of any other one. The pace of the scene stays;
-        softer fibres are taken where the finer mesh that they leave time for is better.
+        They are stated after the run as those of any other one. The pace of the scene stays. Softer
+        fibres are taken where the finer mesh that they leave time for is better.
         """
         if self._counted and not self.is_laid:
             edge = self._counted[0].edge
@@ -394,13 +395,13 @@ class Chooser:
     def _try_inertia(self, edge: float) -> StepSettings:
         """Measure on a mesh what added mass changes and saves.
 
-        Settings that make a check of the program worse are none to choose. Return those for pilots:
+        Settings that make a check of the program worse are no candidates. Return those for pilots:
         the fastest that change little of what is wished for.
         """
         plain = self._pilot(edge, AS_IT_IS)
         trials: list[StepSettings] = []
         for settings in inertia_trials(self.scene):
-            # of the fastest alone the law of speed has its usual order
+            # with the fastest alone the law of speed has its usual order
             allowed = not trials or self._allows_pilot(plain.seconds / settings.speed)
             if allowed and not self._pilot(edge, settings).failure:
                 trials.append(settings)
@@ -436,7 +437,7 @@ class Chooser:
     ) -> dict[str, Convergence]:
         """Return how errors depend on the speed of the process, by runs on one mesh.
 
-        They differ as meshes do: by less and less, the slower they are.
+        As with meshes, the differences become smaller, the slower the runs are.
         """
         runs = [self._pilot(edge, one) for one in settings]
         between = {
@@ -452,7 +453,7 @@ class Chooser:
         return laws
 
     def _try_fibres(self, edge: float, base: StepSettings) -> None:
-        """Measure what softer fibres change on top of other settings; add what comes of both."""
+        """Measure what softer fibres change beside other settings, and add both together."""
         if self.scene.process.fibre_modulus_factor != 1.0:
             return
         before, soft = self._pilot(edge, base), replace(base, fibres=SOFTER_FIBRES)
@@ -515,34 +516,34 @@ class Chooser:
                 self.candidates.append(Candidate(settings, off, cost))
 
     def _off(self, outcome: Outcome, other: Outcome) -> dict[str, float]:
-        """Return what two runs differ by, quantity by quantity, where both have it."""
+        """Return the difference of two runs in every quantity that both have."""
         off = {name: found.typical for name, found in differences(outcome, other).items()}
         return {name: error for name, error in off.items() if math.isfinite(error)}
 
     # --- the choice -------------------------------------------------------------------------------
 
-    def _rehearsed_choice(self) -> Choice:
-        """Return what keeps the wish, its time known from the first steps on its mesh."""
+    def _timed_choice(self) -> Choice:
+        """Return what keeps the wish, timed by the first steps on its mesh."""
         choice = self._choice()
-        for _ in range(MOST_REHEARSALS):
-            if self._is_rehearsed(choice):
+        for _ in range(MOST_BEGINNINGS):
+            if self._is_timed(choice):
                 return self._with_a_slower_process(choice)
             for edge in (self.levels[-1].edge, choice.edge_length):
-                if edge not in self.rehearsals:
-                    self.rehearsals[edge] = self._rehearse(edge)
+                if edge not in self.beginnings:
+                    self.beginnings[edge] = self._begin(edge)
             choice = self._choice()
         return self._with_a_slower_process(self._choice(settled=True))
 
-    def _is_rehearsed(self, choice: Choice) -> bool:
-        """Tell whether the time of a choice is known from about its mesh; a net's is none."""
+    def _is_timed(self, choice: Choice) -> bool:
+        """Tell whether a choice was timed on about its mesh; a net takes no time."""
         if self.is_laid or choice.settings.model == "kinematic":
             return True
-        known = [*self.rehearsals, *(level.edge for level in self.levels)]
-        near = NO_BETTER if self.wish.budget is None else REHEARSED
+        known = [*self.beginnings, *(level.edge for level in self.levels)]
+        near = NO_BETTER if self.wish.budget is None else ABOUT_TIMED
         return any(near <= edge / choice.edge_length <= 1.0 / near for edge in known)
 
     def _with_a_slower_process(self, choice: Choice) -> Choice:
-        """Return a choice that spends on slowness what no finer mesh can be had for.
+        """Return a choice with a slower process, where no finer mesh fits into the time left.
 
         Where the mesh has to fit the outline, the next finer one may have twice the elements.
         """
@@ -560,24 +561,24 @@ class Chooser:
         self.candidates.append(Candidate(choice.settings, errors, times))
         return choice
 
-    def _rehearse(self, edge: float) -> Rehearsal:
+    def _begin(self, edge: float) -> Beginning:
         """Begin the scene with an edge length for a moment."""
         variant = Variant(f"beginning {mm(edge)}", "pilot", self._overrides(edge, AS_IT_IS), edge)
-        return rehearse(self.text.job(variant).scene, self.threads, self._rehearsed_for)
+        return begin_run(self.text.job(variant).scene, self.threads, self._begun_for)
 
     @property
-    def _rehearsed_for(self) -> float:
+    def _begun_for(self) -> float:
         """How long the first steps of a mesh are made [s]."""
         if self.wish.budget is None:
             return DURATION
-        return min(DURATION, REHEARSAL_SHARE * self.wish.budget)
+        return min(DURATION, BEGINNING_SHARE * self.wish.budget)
 
     def _expected_seconds(self, edge: float) -> float:
         """Return the solver time of the scene with an edge length [s]."""
-        return expected_seconds(self.levels, edge, self._beginnings())
+        return expected_seconds(self.levels, edge, self._begun_seconds())
 
-    def _beginnings(self) -> dict[float, float]:
-        return {edge: rehearsal.seconds for edge, rehearsal in self.rehearsals.items()}
+    def _begun_seconds(self) -> dict[float, float]:
+        return {edge: begun.seconds for edge, begun in self.beginnings.items()}
 
     def _time_left(self) -> float | None:
         """Return the solver time that is planned for the run [s]; None for any."""
@@ -590,7 +591,9 @@ class Chooser:
         laws, left = error_laws(self._counted), self._time_left()
         own_edge = self.blank.edge_length
         shortest = shortest_edges(self.scene)
-        known = Knowledge(self.levels, laws, own_edge, shortest, left, self._beginnings(), settled)
+        known = Knowledge(
+            self.levels, laws, own_edge, shortest, left, self._begun_seconds(), settled
+        )
         choice, worst = choose(self.wish, self.candidates, known)
         if self.time_stays and not self.is_laid:
             choice.why += f"; the process time stays, since {self.time_stays}"
@@ -684,6 +687,6 @@ class Chooser:
 def _with(
     candidate: Candidate, settings: StepSettings, off: dict[str, float], cost: float
 ) -> Candidate:
-    """Return a candidate with one more setting, what that is off by and what it takes."""
+    """Return a candidate with one more setting, its error and its cost."""
     errors = {n: math.hypot(candidate.errors.get(n, 0.0), error) for n, error in off.items()}
     return Candidate(settings, {**candidate.errors, **errors}, cost * candidate.cost)

@@ -1,8 +1,8 @@
 """How far the result of a run lies from that of another, quantity by quantity.
 
-Fields are compared on the undeformed sheet, where every place is a place of the material: what a
-cell holds of one run against what the same material holds in the other. The faces of one mesh are
-carried onto those of the other by the mapping of the project (:mod:`lcmchain.mapping`), overlap
+Fields are compared on the undeformed sheet, where every place is a place of the material: the value
+of a cell in one run is compared with that of the same material in the other. The faces of one mesh
+are carried onto those of the other by the mapping of the project (:mod:`lcmchain.mapping`), overlap
 weights of second order.
 """
 
@@ -116,20 +116,20 @@ def differences(outcome: Outcome, reference: Outcome) -> dict[str, Difference]:
     unlike = len(outcome.plies) != len(reference.plies)
     if outcome.failure or reference.failure or unlike:
         return dict.fromkeys(BY_NAME, NONE)
-    found = dict.fromkeys(BY_NAME, NONE)
+    by_name = dict.fromkeys(BY_NAME, NONE)
     names = [name for name in reference.values if name in outcome.values]
     carried, areas = carry(outcome, reference, names)
     for name, values in carried.items():
         difference = values - reference.values[name]
         if BY_NAME[name].relative:
             difference = difference / reference.values[name]
-        found[name] = Difference.of_field(difference, areas)
-    found["contour"] = contour_difference(outcome, reference)
+        by_name[name] = Difference.of_field(difference, areas)
+    by_name["contour"] = contour_difference(outcome, reference)
     for name, number in NUMBERS.items():
         value, other = (o.numbers.get(number, math.nan) for o in (outcome, reference))
         if math.isfinite(value) and math.isfinite(other) and other != 0.0:
-            found[name] = Difference.of_number(value / other - 1.0)
-    return found
+            by_name[name] = Difference.of_number(value / other - 1.0)
+    return by_name
 
 
 def quantities_of(outcome: Outcome) -> list[str]:

@@ -43,11 +43,12 @@ SCATTER = 0.05
 SCATTERS = (0.05, 0.1, 0.2)
 #: Standard deviation of orders about the usual one.
 ORDER_SCATTER = 0.5
-#: So many standard deviations of what explains them are added to the error (of its logarithm); of
-#: two meshes, which leave order and correlation open, enough for the least favourable of them.
+#: Standard deviations of the logarithm of the error, over all orders and correlations that explain
+#: the distances, that are added to it. Two meshes leave order and correlation open: their number is
+#: enough for the least favourable ones.
 CAUTION, CAUTION_OF_TWO = 0.5, 2.0
-#: The same of three pilots and more, where the usual order is known: coarse meshes follow no law
-#: as closely.
+#: The same for three pilots and more, where the usual order is known. Coarse meshes follow a law
+#: less closely.
 CAUTION_OF_PILOTS = 1.0
 
 
@@ -149,11 +150,12 @@ COUNTED = 4
 #: Changes that fall by less than this factor from mesh to mesh, at equal refinement, show no
 #: convergence: of three meshes of a study, and of pilots, whose changes scatter by as much.
 LEAST_PROGRESS, LEAST_PROGRESS_OF_PILOTS = 1.0, 0.7
-#: Neither do distances that lie about their law by more than this, root mean square of logarithms.
+#: Distances show no order either that scatter about their law by more than this, root mean square
+#: of logarithms.
 MOST_MISFIT = 0.5
-#: The error of what shows none is taken for this many changes, at refinement by the root of two.
+#: Error of a quantity that shows no order, in changes by a refinement by the root of two.
 CHANGES_LEFT = 1.5
-#: Part of the square of a distance that has to be the meshes', where settings differ as well.
+#: Least part of the square of a distance that is due to the meshes, where settings differ as well.
 LEAST_OF_MESHES = 0.3
 #: Solver time goes with h^-q, with these q: elements and steps alone make 3.
 COST_POWER, COST_SCATTER = 3.0, 0.5
@@ -178,7 +180,7 @@ class Level(NamedTuple):
 def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
     """Return how the errors of all quantities depend on the edge length; the coarsest level first.
 
-    What changes from mesh to mesh by no less than before has the order 0: its error is taken for a
+    A quantity that does not change less from mesh to mesh has the order 0. Its error is taken for a
     multiple of that change on any mesh (Eça, Hoekstra, "A procedure for the estimation of the
     numerical uncertainty of CFD calculations", J. Comput. Phys. 262 (2014), take the range of the
     data where no order is seen).
@@ -210,7 +212,7 @@ def error_laws(levels: Sequence[Level]) -> dict[str, Convergence]:
 
 
 def _usual_change(sizes: Sequence[float], steps: Sequence[float]) -> float:
-    """Return what meshes change that are finer by the root of two: the mean of what was seen."""
+    """Return the change by meshes that are finer by the root of two, in the mean of those seen."""
     once = [
         step * math.sqrt(0.5 * math.log(2.0) / math.log(coarse / fine))
         for coarse, fine, step in zip(sizes[:-1], sizes[1:], steps, strict=True)
@@ -220,30 +222,30 @@ def _usual_change(sizes: Sequence[float], steps: Sequence[float]) -> float:
 
 
 def _of_meshes(distance: float, one: Level, other: Level, name: str) -> float:
-    """Return what of a distance is left to the meshes; not a number where settings make most."""
+    """Return the part of a distance due to the meshes; not a number where settings make most."""
     settings = one.off.get(name, 0.0) - other.off.get(name, 0.0)
     left = distance**2 - settings**2
     return math.sqrt(left) if left > LEAST_OF_MESHES * distance**2 else math.nan
 
 
 def expected_seconds(
-    levels: Sequence[Level], edge: float, rehearsed: Mapping[float, float] = MappingProxyType({})
+    levels: Sequence[Level], edge: float, begun: Mapping[float, float] = MappingProxyType({})
 ) -> float:
     """Return the solver time [s] of the scene with an edge length [m].
 
     Parameters
     ----------
-    levels : the coarsest first. rehearsed : what runs would take that were all like their beginning
+    levels : the coarsest first. begun : what runs would take that were all like their beginning
         [s], by edge length [m]; those of levels tell how the whole goes with the beginning.
     """
-    begun = [level for level in levels if level.edge in rehearsed]
-    if begun:
-        last = begun[-1]
-        near, *others = sorted(rehearsed, key=lambda one: abs(math.log(one / edge)))
+    known = [level for level in levels if level.edge in begun]
+    if known:
+        last = known[-1]
+        near, *others = sorted(begun, key=lambda one: abs(math.log(one / edge)))
         power = COST_POWER
         if others:
-            power = _power(near, rehearsed[near], others[0], rehearsed[others[0]])
-        like = last.seconds * rehearsed[near] / rehearsed[last.edge]
+            power = _power(near, begun[near], others[0], begun[others[0]])
+        like = last.seconds * begun[near] / begun[last.edge]
         return like * (near / edge) ** max(power, 1.0)
     last, power = levels[-1], COST_POWER
     if len(levels) > 1:

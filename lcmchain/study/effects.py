@@ -1,4 +1,4 @@
-"""What each effect of a scene changes of its result, and what it takes of the time."""
+"""Study of effects: how each one changes the result of a scene, and its part of the time."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from lcmchain.study.comparison import QUANTITIES, Difference, differences
 from lcmchain.study.outcome import Outcome
 from lcmchain.study.results import plain_table, short
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
 
 
 @dataclass(frozen=True, eq=False)
 class EffectChange:
-    """What a run with one effect switched over differs by from the scene as it is.
+    """Difference of a run with one effect switched over from the scene as it is.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def study_effects(
 ) -> EffectStudy:
     """Switch each effect of a scene over in turn.
 
-    What each takes of the time of a step is kept for later checks of scenes like this one.
+    The part of a step's time that each takes is kept for later checks of scenes like this one.
 
     Raises
     ------

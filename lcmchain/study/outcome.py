@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from lcmchain.fields.history_group import HISTORY
 from lcmchain.fields.loads import quoted_force
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
+from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.fields.stack import PLY
 
@@ -42,7 +42,7 @@ OF_THE_MESH = ("Resolution by elements", "Resolution of wrinkles")
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What is left of one run.
+    """What a study keeps of one run.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Outcome:
         return [np.flatnonzero(self.ply == number) for number in range(int(self.ply.max()) + 1)]
 
     def worse_than(self, other: Outcome) -> list[str]:
-        """Return the checks that have a worse grade than in another run, but for the meshes'."""
+        """Return the checks with a worse grade than in another run, those of the mesh left out."""
         return [
             check
             for check, grade in self.doubts.items()
@@ -156,7 +156,7 @@ def _force_of(history: xr.Dataset, summary: dict) -> np.ndarray:
 
 
 def write_outcome(path: Path, outcome: Outcome, fingerprint: str) -> None:
-    """Write an outcome; ``fingerprint`` is of all that decides it."""
+    """Write an outcome with the fingerprint of all that decides it."""
     dataset = xr.Dataset(
         {
             "reference_position": (("node", "axis"), outcome.reference, {"units": "m"}),
@@ -179,7 +179,7 @@ def write_outcome(path: Path, outcome: Outcome, fingerprint: str) -> None:
 
 
 def read_outcome(path: Path, fingerprint: str) -> Outcome | None:
-    """Read an outcome; None where there is none, or one of anything else."""
+    """Read an outcome; None where there is none, or that of another run."""
     if not path.is_file():
         return None
     try:

@@ -53,23 +53,23 @@ def results_of(outcome: Outcome) -> dict[str, float]:
     Means are over the undeformed sheet; 99 % of it stay below the values called so, which a single
     element does not change.
     """
-    found = dict.fromkeys((result.name for result in RESULTS), math.nan)
+    results = dict.fromkeys((result.name for result in RESULTS), math.nan)
     if outcome.failure:
-        return found
-    found |= {name: outcome.numbers.get(key, math.nan) for name, key in _NUMBERS.items()}
+        return results
+    results |= {name: outcome.numbers.get(key, math.nan) for name, key in _NUMBERS.items()}
     areas = _areas(outcome)
     for field in ("thickness", "shear_angle"):
         if field in outcome.values:
             mean = np.average(np.abs(outcome.values[field]), weights=areas)
-            found[f"{field}_mean"] = float(mean)
+            results[f"{field}_mean"] = float(mean)
     for field in ("shear_angle", "fibre_volume_fraction"):
         if field in outcome.values:
             values = np.abs(outcome.values[field])
             order = np.argsort(values)
             covered = np.cumsum(areas[order])
             place = np.searchsorted(covered, 0.99 * covered[-1])
-            found[f"{field}_high"] = float(values[order][place])
-    return found
+            results[f"{field}_high"] = float(values[order][place])
+    return results
 
 
 def _areas(outcome: Outcome) -> np.ndarray:

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lcmchain.check.expected_cost import estimate_run
 from lcmchain.compilation.threads import thread_count, use_threads
@@ -23,7 +23,10 @@ from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 from lcmchain.scene import Scene
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.study.outcome import Outcome, read_outcome, write_outcome
-from lcmchain.study.source import Progress, Source, Variant
+from lcmchain.study.sources import Progress, Source, Variant
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 #: Folder of the outcomes inside that of a study.
 RUNS = "runs"
@@ -73,7 +76,7 @@ def make_run(
 ) -> Outcome:
     """Run a variant and return what a study keeps of it.
 
-    That a guard stops it, or that no model can be made of it, is an outcome too.
+    A run that a guard stops, or a scene without a model, is an outcome too.
 
     Raises
     ------
@@ -110,7 +113,7 @@ class Study:
     def outcomes(
         self, variants: Sequence[Variant], progress: Progress | None = None
     ) -> dict[str, Outcome]:
-        """Return the outcomes of all variants by name; those that are there are not made again.
+        """Return the outcomes of all variants by name; runs that are kept are not repeated.
 
         Raises
         ------
@@ -124,15 +127,15 @@ class Study:
             raise InputError(f'two settings of the study have the name "{twice}"')
         jobs = {variant.name: self.source.job(variant) for variant in variants}
         prints = {name: job.fingerprint for name, job in jobs.items()}
-        found = {name: read_outcome(self._file(name), prints[name]) for name in names}
-        missing = [variant for variant in variants if found[variant.name] is None]
+        outcomes = {name: read_outcome(self._file(name), prints[name]) for name in names}
+        missing = [variant for variant in variants if outcomes[variant.name] is None]
         account = _Account({v.name: expected_work(jobs[v.name].scene) for v in missing}, progress)
         makers = self._on_cluster if self.workers.is_cluster and missing else self._here
         for name, outcome in makers(account.in_good_order(missing), account):
             write_outcome(self._file(name), outcome, prints[name])
             account.complete(name)
-            found[name] = outcome
-        return {name: outcome for name, outcome in found.items() if outcome is not None}
+            outcomes[name] = outcome
+        return {name: outcome for name, outcome in outcomes.items() if outcome is not None}
 
     def outcome(self, variant: Variant, progress: Progress | None = None) -> Outcome:
         """Return the outcome of one variant."""
@@ -157,7 +160,7 @@ class Study:
         threads = self.workers.threads_of_a_run
         with _client(self.workers, min(self.workers.count, len(variants))) as client:
 
-            def submitted(variant: Variant) -> Any:
+            def submitted(variant: Variant) -> Future:
                 return client.submit(
                     make_run, self.source, variant, threads, key=f"run-{variant.name}",
                     pure=False, retries=RETRIES,
@@ -172,7 +175,7 @@ class Study:
 
 
 @contextmanager
-def _client(workers: Workers, count: int) -> Iterator[Any]:
+def _client(workers: Workers, count: int) -> Iterator[Client]:
     """Connect to the scheduler, or start workers on this machine for as long as it takes.
 
     Never as the default: xarray would ask for it from then on, after it is gone as well.
@@ -205,7 +208,7 @@ def _client(workers: Workers, count: int) -> Iterator[Any]:
 
 
 def require_address(address: str) -> None:
-    """Refuse what is no address of a scheduler, before a client waits for an answer from there.
+    """Refuse an address that is none of a scheduler, before a client waits for its answer.
 
     Raises
     ------
@@ -247,7 +250,7 @@ class _Account:
         self.count = 0
 
     def in_good_order(self, variants: Sequence[Variant]) -> list[Variant]:
-        """Return the quickest first, which compiles, then the longest: none is left alone last."""
+        """Return the quickest first, which compiles, then the longest, so that none ends alone."""
         in_order = sorted(variants, key=lambda variant: self.work[variant.name])
         return [*in_order[:1], *reversed(in_order[1:])]
 
@@ -279,7 +282,7 @@ class _Account:
 DURATION = 0.25
 
 
-class Rehearsal(NamedTuple):
+class Beginning(NamedTuple):
     """The beginning of a run.
 
     Parameters
@@ -292,13 +295,13 @@ class Rehearsal(NamedTuple):
     spent: float
 
 
-def rehearse(scene: Scene, threads: int | None, duration: float = DURATION) -> Rehearsal:
+def begin_run(scene: Scene, threads: int | None, duration: float = DURATION) -> Beginning:
     """Make the first steps of a scene on its own mesh.
 
-    Coarse pilots tell little of the time that a step takes on a fine mesh: what a step costs beside
-    its elements weighs more on them, and they are too small for a second thread. So the run is
-    begun for a moment. Its first steps are not its last ones, with more contact and shorter steps;
-    what they take is set against the first steps of a pilot, of which the whole time is known.
+    Coarse pilots tell little of the time of a step on a fine mesh. The cost of a step beside its
+    elements weighs more on them, and they are too small for a second thread. So the run is begun
+    for a moment. Later steps have more contact and are shorter; so the time of the first ones is
+    compared with that of the first steps of a pilot, of which the whole time is known.
 
     Parameters
     ----------
@@ -321,4 +324,4 @@ def rehearse(scene: Scene, threads: int | None, duration: float = DURATION) -> R
         count = min(left, STEPS_PER_CHUNK)
         simulation.make_steps(count, step)
         spent, made = time.perf_counter() - start, made + count
-    return Rehearsal(estimate_run(model).step_count * spent / made, spent)
+    return Beginning(estimate_run(model).step_count * spent / made, spent)

@@ -2,8 +2,8 @@
 
 Every input is lowered and raised by the same part of its value, the others as they are. The
 elasticity of a result R with respect to an input x, (dR/R)/(dx/x), follows from the two runs by
-the central difference; what the result bends by between them, the second difference, says how far
-it can be believed. An input that lies at a bound is changed to the other side alone.
+the central difference. The second difference, by which the result bends between them, says how far
+the elasticity can be believed. An input at a bound is changed to the other side alone.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from lcmchain.errors import InputError
 from lcmchain.scene import Scene
 from lcmchain.study.results import RESULTS, plain_table, results_of
 from lcmchain.study.runs import Progress, Study, Workers
-from lcmchain.study.sampling import NUMBER
-from lcmchain.study.source import Source, Variant
+from lcmchain.study.sources import Source, Variant
+from lcmchain.study.sweep import NUMBER
 
 #: Part by which inputs are lowered and raised.
 PART = 0.1
@@ -73,8 +73,8 @@ class Sensitivity:
 
     def of(self, result: str) -> list[Dependence]:
         """Return the dependences of a result, the strongest first."""
-        found = [d for d in self.dependences if d.result == result]
-        known = [d for d in found if math.isfinite(d.elasticity)]
+        dependences = [d for d in self.dependences if d.result == result]
+        known = [d for d in dependences if math.isfinite(d.elasticity)]
         return sorted(known, key=lambda d: -abs(d.elasticity))
 
 
@@ -84,14 +84,14 @@ def default_inputs(scene: Scene) -> dict[str, str]:
     They are those of the materials, presets included, and the friction; zeros are left out, which
     no part of their value changes, and the friction of tools that take ``contact.friction``.
     """
-    found = {}
+    inputs = {}
     for key, text in (*scene.source.given, *scene.source.defaulted):
         of_tool = key.startswith("tools.") and key.endswith(".friction") and not _COPY.search(text)
         if (of_tool or key.startswith(TABLES)) and _is_numeric(scene, key):
             value = _plain(text)
             if _can_be_scaled(value):
-                found[key] = value
-    return found
+                inputs[key] = value
+    return inputs
 
 
 def _plain(text: str) -> str:
@@ -192,7 +192,7 @@ def run_sensitivity(
 def allowed_changes(
     text: Source, values: Mapping[str, str], part: float
 ) -> tuple[dict[str, dict[str, Variant]], list[str]]:
-    """Return the variants of each input by side, those that the scene allows, and what it refuses.
+    """Return the variants of each input by side that the scene allows, and what it refuses.
 
     A Poisson's ratio of 0.47 cannot be raised by a tenth; it is lowered alone.
     """
@@ -250,24 +250,24 @@ def _dependence(
     return Dependence(key, result, elasticity, bend / first if first > 0.0 else 0.0)
 
 
-def sensitivity_table(found: Sensitivity) -> Table:
+def sensitivity_table(sensitivity: Sensitivity) -> Table:
     """Return a table for the terminal: what 1 % more of an input changes of each result."""
-    shown = [r for r in RESULTS if found.of(r.name)]
+    shown = [r for r in RESULTS if sensitivity.of(r.name)]
     table = plain_table(
-        f"Elasticities: {found.title}",
+        f"Elasticities: {sensitivity.title}",
         "input", *(result.short for result in shown),
         caption="percent that a result changes by when the input grows by one percent; ~ bends by "
         "more than half\nof that between the two runs",
     )  # fmt: skip
-    by_pair = {(d.key, d.result): d for d in found.dependences}
+    by_pair = {(d.key, d.result): d for d in sensitivity.dependences}
     strength = {
         key: max(
             (abs(by_pair[key, r.name].elasticity) for r in shown
              if math.isfinite(by_pair[key, r.name].elasticity)), default=0.0,
         )
-        for key in found.value
+        for key in sensitivity.value
     }  # fmt: skip
-    for key in sorted(found.value, key=lambda k: -strength[k]):
+    for key in sorted(sensitivity.value, key=lambda k: -strength[k]):
         table.add_row(_last_two(key), *(_cell(by_pair[key, r.name]) for r in shown))
     return table
 
@@ -276,20 +276,20 @@ def _last_two(key: str) -> str:
     return ".".join(key.split(".")[-2:])
 
 
-def _cell(found: Dependence) -> str:
-    if math.isnan(found.elasticity):
+def _cell(dependence: Dependence) -> str:
+    if math.isnan(dependence.elasticity):
         return "-"
-    if abs(found.elasticity) < LEAST_SHOWN:
+    if abs(dependence.elasticity) < LEAST_SHOWN:
         return ""
-    return f"{found.elasticity:+.2f}{'~' if found.bend > 0.5 else ''}"
+    return f"{dependence.elasticity:+.2f}{'~' if dependence.bend > 0.5 else ''}"
 
 
-def write_sensitivity(path: Path, found: Sensitivity) -> None:
+def write_sensitivity(path: Path, sensitivity: Sensitivity) -> None:
     """Write a row per input and result."""
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["input", "value", "result", "elasticity", "bend"])
-        for d in found.dependences:
+        for d in sensitivity.dependences:
             writer.writerow(
-                [d.key, found.value[d.key], d.result, f"{d.elasticity:.6g}", f"{d.bend:.3g}"]
+                [d.key, sensitivity.value[d.key], d.result, f"{d.elasticity:.6g}", f"{d.bend:.3g}"]
             )

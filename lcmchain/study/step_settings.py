@@ -1,4 +1,4 @@
-"""How a run is stepped and modelled, other than its mesh: what it costs, and what it is off by."""
+"""Settings of a run beside its mesh: inertia, fibre modulus, process time and model."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class StepSettings:
     def speed(self) -> float:
         """How fast the process is for the inertia of the sheet, over that of the scene.
 
-        n times the mass is to a sheet what a process shorter by the root of n is.
+        n times the mass acts on a sheet as a process that is shorter by the root of n.
         """
         return math.sqrt(self.mass) / self.time
 
@@ -77,7 +77,7 @@ AS_IT_IS = StepSettings()
 
 @dataclass(frozen=True)
 class Candidate:
-    """Settings with what they are off by on any mesh, by quantity, and their time over the scene's.
+    """Settings with their errors on any mesh, by quantity, and their time over the scene's.
 
     ``errors`` are distances from a slow process with all else as it is.
     """
@@ -100,7 +100,7 @@ def inertia_trials(scene: Scene) -> list[StepSettings]:
 
 
 def slower(scene: Scene) -> list[StepSettings]:
-    """Return settings that move the sheet more slowly than the scene does, where time is free."""
+    """Return settings that move the sheet more slowly than the scene, where the time is free."""
     if why_time_stays(scene):
         return []
     return [StepSettings(time=factor) for factor in LONGER]
@@ -122,13 +122,13 @@ def cheaper_rungs(scene: Scene, quantities: Mapping[str, float]) -> Iterator[str
 
 
 def why_time_stays(scene: Scene) -> str:
-    """Say what happens in a scene at a pace other than that of ``process.time``; empty if nothing.
+    """Say what in a scene does not follow ``process.time``; empty where everything does.
 
-    A longer process is a more accurate one only where all that happens is stretched with it. Where
-    a motion ends at a time of its own, or weight and forces set the pace, another process time is
-    another process: the sheet is held for longer, or its way is cut off. A holder that a load
-    presses while a punch sets the pace is there long before the punch has done its way, however
-    fast. A specimen that clamps pull has no tools: its clamps go with the process time.
+    A longer process is more accurate only where all that happens is stretched with it. Where a
+    motion ends at a time of its own, or weight and forces set the pace, another process time is
+    another process: the sheet is held for longer, or its way is cut off. A holder under a load does
+    not matter beside a punch that sets the pace: it arrives long before the punch does. A specimen
+    that clamps pull has no tools, and its clamps follow the process time.
     """
     return next(_paces(scene), "")
 

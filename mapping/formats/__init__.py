@@ -1,11 +1,12 @@
 """Mapped fields in the files that programs of later stages read.
 
-    mapped fields ─▶ cells.py (MappedCells) ─┬▶ vmap.py
-                                             ├▶ drape.py, openradioss.py: draping by element
-                                             └▶ preform.py ─▶ rtmsim.py, lcmsim.py: filling
-    each format ─▶ its files, and report.py: what it cannot hold, with the worst error
+    mapped fields ─▶ MappedCells ─┬▶ vmap.py
+                                  ├▶ drape.py, openradioss.py: draping by element
+                                  └▶ preform.py ─▶ rtmsim.py, lcmsim.py: filling
+    each format ─▶ its files, and an ExportReport: what it cannot hold, with the worst error
 
-export.py knows the formats by name. A format is a file with NAME and prepare, and a line there.
+format.py has MappedCells and ExportReport, export.py knows the formats by name. A format is a file
+with NAME and prepare, and a line there.
 bulk_data.py writes the numbers in eight columns that several of them take.
 """
 
@@ -18,7 +19,7 @@ from lcmchain.mapping.formats.export import (
     export_path,
     prepare_export,
 )
-from lcmchain.mapping.formats.report import ExportReport, Loss
+from lcmchain.mapping.formats.format import ExportReport, Loss
 
 __all__ = [
     "FORMATS",

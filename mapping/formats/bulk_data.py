@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lcmchain.mapping.formats.cells import require_numbers
+from lcmchain.mapping.formats.format import require_numbers
 
 WIDTH = 8
 LARGEST_NUMBER = 10**WIDTH - 1

@@ -13,8 +13,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.formats.bulk_data import line, real, require_narrow, rounded
-from lcmchain.mapping.formats.cells import MappedCells
-from lcmchain.mapping.formats.report import ExportReport, Loss, Saver, worst
+from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, worst
 from lcmchain.mapping.plies import HEIGHT, SHARE
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lcmchain.errors import InputError
 from lcmchain.mapping.fields import MappedFields
 from lcmchain.mapping.formats import drape, lcmsim, openradioss, rtmsim, vmap
-from lcmchain.mapping.formats.cells import MappedCells, mapped_cells
-from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
+from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, mapped_cells
 from lcmchain.mapping.target import TargetMesh
 
 if TYPE_CHECKING:

@@ -27,7 +27,6 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.formats.cells import MappedCells, require_numbers
 from lcmchain.mapping.formats.drape import (
     Tables,
     covered_cells,
@@ -36,7 +35,7 @@ from lcmchain.mapping.formats.drape import (
     plain,
     title,
 )
-from lcmchain.mapping.formats.report import ExportReport, Loss, Saver
+from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, require_numbers
 
 NAME = "openradioss"
 

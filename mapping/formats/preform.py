@@ -10,8 +10,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.mapping.formats.bulk_data import line, require_narrow, rounded
-from lcmchain.mapping.formats.cells import MappedCells
-from lcmchain.mapping.formats.report import Loss, worst
+from lcmchain.mapping.formats.format import Loss, MappedCells, worst
 from lcmchain.mapping.target import TargetMesh
 
 #: Sets and parts of the target with such names are ports; a name that fits both is an inlet.

@@ -14,7 +14,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.formats.cells import MappedCells
+from lcmchain.mapping.formats.format import ExportReport, MappedCells, Saver
 from lcmchain.mapping.formats.preform import (
     Classes,
     Preform,
@@ -23,7 +23,6 @@ from lcmchain.mapping.formats.preform import (
     preform_of,
     write_mesh,
 )
-from lcmchain.mapping.formats.report import ExportReport, Saver
 
 NAME = "rtmsim"
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
-from lcmchain.mapping.formats.cells import MappedCells
-from lcmchain.mapping.formats.report import ExportReport, Loss, Saver, worst
+from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, worst
 from lcmchain.mapping.sheet import FIBRE_FAMILIES
 from lcmchain.mapping.surfaces.averages import perpendicular_family_error
 

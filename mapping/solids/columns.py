@@ -220,9 +220,9 @@ def own_reach(
 ) -> np.ndarray:
     """Distance from the sheet to its medial surface along each node's normal [m], shape (N, 2).
 
-    It is the radius of the largest ball on either side (below, above) that touches the sheet at
-    the node and holds no other part of it; of parallel walls that is half of their distance, in
-    a bend its radius.
+    It is the radius of the largest ball on either side (below, above) that touches the sheet at the
+    node and holds no other part of it: half the distance of parallel walls, the radius of a bend.
+
     Source: Ma, Bae and Choi, The Visual Computer 28 (2012) 7.
 
     Parameters

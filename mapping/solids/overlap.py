@@ -40,7 +40,7 @@ class Overlaps(NamedTuple):
 
 
 class Slices(NamedTuple):
-    """What of the target's thickness the ply of each overlap takes.
+    """Part of the target's thickness that the ply of each overlap takes.
 
     place : of each corner of the cells in the thickness, 0 below and 1 above, shape (C, 8).
     lower, upper : of each overlap, infinite for the outermost plies, shape (K,).
@@ -51,9 +51,9 @@ class Slices(NamedTuple):
     upper: np.ndarray
 
     @classmethod
-    def nothing(cls, found: Overlaps, cell_count: int) -> Slices:
+    def nothing(cls, overlap: Overlaps, cell_count: int) -> Slices:
         """Return slices that cut nothing off."""
-        whole = np.full(len(found.cell), np.inf)
+        whole = np.full(len(overlap.cell), np.inf)
         return cls(np.zeros((cell_count, 8)), -whole, whole)
 
 
@@ -66,12 +66,12 @@ def overlaps(cells: Solids, columns: Columns) -> Overlaps:
     return _intersect(cells, columns, pairs, Slices.nothing(pairs, len(cells.volumes)))
 
 
-def sliced(cells: Solids, columns: Columns, found: Overlaps, slices: Slices) -> Overlaps:
+def sliced(cells: Solids, columns: Columns, overlap: Overlaps, slices: Slices) -> Overlaps:
     """Intersect again, each overlap with the slice of its cell that its ply takes.
 
     Every overlap stays, with a volume of zero where the ply has nothing of the cell.
     """
-    return _intersect(cells, columns, found, slices, keep_all=True)
+    return _intersect(cells, columns, overlap, slices, keep_all=True)
 
 
 def _intersect(
@@ -86,8 +86,8 @@ def _intersect(
     held = volume > least
     volume = np.where(held, volume, 0.0)
     centroid = cells.corners[cell, 0] + moments[:, 1:] / np.where(held, volume, np.inf)[:, None]
-    found = Overlaps(cell, face, volume, centroid)
-    return found if keep_all else found.only(held)
+    overlap = Overlaps(cell, face, volume, centroid)
+    return overlap if keep_all else overlap.only(held)
 
 
 @kernel
@@ -242,7 +242,7 @@ class Walls(NamedTuple):
     undecided: np.ndarray
 
 
-def own_walls(found: Overlaps, columns: Columns, body: np.ndarray, cell_count: int) -> Walls:
+def own_walls(overlap: Overlaps, columns: Columns, body: np.ndarray, cell_count: int) -> Walls:
     """Keep of each cell's overlaps those with the wall that it holds most of, ply by ply.
 
     Faces over a cell that are connected through common nodes are one wall; pieces that are not
@@ -252,42 +252,44 @@ def own_walls(found: Overlaps, columns: Columns, body: np.ndarray, cell_count: i
     ----------
     body : ply of each face, shape (F,).
     """
-    start = np.searchsorted(found.cell, np.arange(cell_count + 1))
-    piece = _pieces(start, found.face, columns.faces, len(columns.points))
+    start = np.searchsorted(overlap.cell, np.arange(cell_count + 1))
+    piece = _pieces(start, overlap.face, columns.faces, len(columns.points))
     kept = np.ones(len(piece), dtype=bool)
     undecided = np.zeros(cell_count, dtype=bool)
     height = np.einsum(
         "ki,ki->k",
-        found.centroid - columns.centroids[found.face],
-        columns.face_normals[found.face],
+        overlap.centroid - columns.centroids[overlap.face],
+        columns.face_normals[overlap.face],
     )
-    foot = found.centroid - height[:, None] * columns.face_normals[found.face]
-    ply = body[found.face]
+    foot = overlap.centroid - height[:, None] * columns.face_normals[overlap.face]
+    ply = body[overlap.face]
     first = piece == np.arange(len(piece))
-    pairs, count = np.unique(np.stack([found.cell, ply], axis=1)[first], axis=0, return_counts=True)
+    pairs, count = np.unique(
+        np.stack([overlap.cell, ply], axis=1)[first], axis=0, return_counts=True
+    )
     for cell, own_ply in pairs[count > 1]:
         entries = np.arange(start[cell], start[cell + 1])
         own = entries[ply[entries] == own_ply]
-        dropped, open_question = _other_walls(own, piece, found, foot, columns.face_normals)
+        dropped, open_question = _other_walls(own, piece, overlap, foot, columns.face_normals)
         kept[dropped] = False
         undecided[cell] |= open_question
     return Walls(kept, undecided)
 
 
 def _other_walls(
-    entries: np.ndarray, piece: np.ndarray, found: Overlaps, foot: np.ndarray, normals: np.ndarray
+    entries: np.ndarray, piece: np.ndarray, overlap: Overlaps, foot: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, bool]:
     """Entries of a cell that belong to another wall than its largest, and whether that is open."""
     pieces, which = np.unique(piece[entries], return_inverse=True)
-    volume = np.bincount(which, weights=found.volume[entries])
+    volume = np.bincount(which, weights=overlap.volume[entries])
     largest = int(np.argmax(volume))
 
     def mean(values: np.ndarray, number: int) -> np.ndarray:
         own = entries[which == number]
-        return np.average(values[own], axis=0, weights=found.volume[own])
+        return np.average(values[own], axis=0, weights=overlap.volume[own])
 
     place = mean(foot, largest)
-    normal = mean(normals[found.face], largest)
+    normal = mean(normals[overlap.face], largest)
     dropped = np.zeros(len(entries), dtype=bool)
     undecided = False
     for number in range(len(pieces)):

@@ -52,7 +52,7 @@ class Skin(NamedTuple):
 
 
 class CoveredFaces(NamedTuple):
-    """What of the sheet has target over it.
+    """Part of the sheet that has target over it.
 
     share : of each face's area, shape (F,).
     cut : whether the target ends inside the face's column, shape (F,).
@@ -124,14 +124,14 @@ def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFa
     volume : of the target in each column [m3], shape (F,).
     """
     start, near = touching(columns.tree, skin.corners.min(axis=1), skin.corners.max(axis=1))
-    found = np.zeros((len(columns.faces), 5))
+    sums = np.zeros((len(columns.faces), 5))
     _project(
         start, near, skin.corners, skin.weight, *columns.solids[:4], TABLE,
-        columns.face_normals, columns.centroids, found,
+        columns.face_normals, columns.centroids, sums,
     )  # fmt: skip
-    areas = columns.areas(np.zeros(len(found)))
-    area = found[:, [0, 2]]
-    height = found[:, [1, 3]] / np.where(area > 0.0, area, 1.0)
+    areas = columns.areas(np.zeros(len(sums)))
+    area = sums[:, [0, 2]]
+    height = sums[:, [1, 3]] / np.where(area > 0.0, area, 1.0)
     both = np.stack([area[:, side] / columns.areas(height[:, side]) for side in (0, 1)], axis=1)
     # Where two walls touch, the target has no skin between them.
     one_sided = both.min(axis=1) < ONE_SIDED * both.max(axis=1)
@@ -139,7 +139,7 @@ def covered_faces(skin: Skin, columns: Columns, volume: np.ndarray) -> CoveredFa
     # A column that ends inside of the target on both sides is filled where it is covered.
     share = np.minimum(np.where(share > 0.0, share, volume / columns.solids.volumes), 1.0)
     farthest = np.abs(height).max(axis=1)
-    cut = found[:, 4] > OUTLINE * areas
+    cut = sums[:, 4] > OUTLINE * areas
     inward = columns.directors - columns.face_normals[:, None]
     lean = np.linalg.norm(inward, axis=2).max(axis=1) * farthest / np.sqrt(areas)
     whole = ~cut | (share >= WHOLE - np.where(columns.at_outline, LEAN * lean, 0.0))

@@ -53,7 +53,7 @@ def stack_of(
     cells: Solids,
     columns: Columns,
     skin: Skin,
-    found: Overlaps,
+    overlap: Overlaps,
     ply: np.ndarray,
     face_thickness: np.ndarray,
 ) -> Stack:
@@ -64,11 +64,11 @@ def stack_of(
 
     Parameters
     ----------
-    found : overlaps of the cells with the whole columns of their own walls.
+    overlap : of the cells with the whole columns of their own walls.
     ply : number of the ply of each face, shape (F,).
     face_thickness : formed thickness [m], shape (F,).
     """
-    plies = _plies(cells, columns, found, ply, face_thickness)
+    plies = _plies(cells, columns, overlap, ply, face_thickness)
     whole = plies.thickness.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         part = plies.thickness / whole[:, None]
@@ -77,37 +77,37 @@ def stack_of(
     rank = np.argsort(order, axis=1, kind="stable")
     upper = np.take_along_axis(np.cumsum(np.take_along_axis(part, order, axis=1), axis=1), rank, 1)
     lower = upper - part
-    own = ply[found.face]
+    own = ply[overlap.face]
     count = (part > 0.0).sum(axis=1)
-    first = rank[found.cell, own] == 0
-    last = rank[found.cell, own] == count[found.cell] - 1
+    first = rank[overlap.cell, own] == 0
+    last = rank[overlap.cell, own] == count[overlap.cell] - 1
     slices = Slices(
         _places_in_thickness(cells, skin, plies, whole),
-        np.where(first, -np.inf, lower[found.cell, own]),
-        np.where(last, np.inf, upper[found.cell, own]),
+        np.where(first, -np.inf, lower[overlap.cell, own]),
+        np.where(last, np.inf, upper[overlap.cell, own]),
     )
-    return Stack(np.where(count > 0, whole, np.nan), part[found.cell, own], slices)
+    return Stack(np.where(count > 0, whole, np.nan), part[overlap.cell, own], slices)
 
 
-def one_ply(found: Overlaps, face_thickness: np.ndarray, cell_count: int) -> Stack:
+def one_ply(overlap: Overlaps, face_thickness: np.ndarray, cell_count: int) -> Stack:
     """Return the stack of a single ply, which takes all of the target."""
-    volume = np.bincount(found.cell, weights=found.volume, minlength=cell_count)
+    volume = np.bincount(overlap.cell, weights=overlap.volume, minlength=cell_count)
     summed = np.bincount(
-        found.cell, weights=found.volume * face_thickness[found.face], minlength=cell_count
+        overlap.cell, weights=overlap.volume * face_thickness[overlap.face], minlength=cell_count
     )
     thickness = np.where(volume > 0.0, summed / np.where(volume > 0.0, volume, 1.0), np.nan)
-    return Stack(thickness, np.ones(len(found.cell)), Slices.nothing(found, cell_count))
+    return Stack(thickness, np.ones(len(overlap.cell)), Slices.nothing(overlap, cell_count))
 
 
 def _plies(
     cells: Solids,
     columns: Columns,
-    found: Overlaps,
+    overlap: Overlaps,
     ply: np.ndarray,
     face_thickness: np.ndarray,
 ) -> _Plies:
     cell_count, ply_count = len(cells.volumes), int(ply.max()) + 1
-    cell, face, volume = found.cell, found.face, found.volume
+    cell, face, volume = overlap.cell, overlap.face, overlap.volume
     # normals of plies that look to the other side are turned to that of the cell's first overlap
     leading = np.zeros(cell_count, dtype=np.int64)
     leading[cell[::-1]] = face[::-1]
@@ -190,7 +190,7 @@ def _extent(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Heights of the target's lower and upper side on lines through the corners [m], (C, 8).
 
-    Of several walls on a line the one that lies between the corner and the middle of the cell.
+    Where a line meets several walls, the one between the corner and the middle of the cell counts.
     """
     count = len(corner)
     used = np.broadcast_to((whole > 0.0)[:, None], corner.shape) if chosen is None else chosen

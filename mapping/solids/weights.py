@@ -31,7 +31,7 @@ THICKEST = 5.0
 
 
 class _Parts(NamedTuple):
-    """What the columns of the sheet have in common with the target, by cell, then face.
+    """Overlaps of the columns of the sheet with the target, by cell, then face.
 
     volume, centroid : of each overlap [m3], shape (K,), and [m], shape (K, 3).
     height : of its centroid over the face [m], shape (K,).
@@ -77,43 +77,40 @@ def compute_solid_weights(
     cells = solids_of_cells(target.points, target.corners)
     skin = skin_of(cells, merged_places(target.points, target.corners))
     columns = columns_of(sheet.surface, maximum_distance, sheet.plies)
-    found = overlaps(cells, columns)
-    walls = own_walls(found, columns, sheet.plies, target.cell_count)
-    found = found.only(walls.kept)
-    by_ply = _coverage(found, sheet.plies, cells)
+    overlap = overlaps(cells, columns)
+    walls = own_walls(overlap, columns, sheet.plies, target.cell_count)
+    overlap = overlap.only(walls.kept)
+    by_ply = _coverage(overlap, sheet.plies, cells)
     coverage = by_ply.max(axis=0)
-    held = np.bincount(found.face, weights=found.volume, minlength=sheet.surface.face_count)
+    held = np.bincount(overlap.face, weights=overlap.volume, minlength=sheet.surface.face_count)
     covered = covered_faces(skin, columns, held)
     face_thickness = sheet.scalars.get("thickness", np.ones(sheet.surface.face_count))
     if len(np.unique(sheet.plies)) > 1:
-        stack = stack_of(cells, columns, skin, found, sheet.plies, face_thickness)
-        found = sliced(cells, columns, found, stack.slices)
+        stack = stack_of(cells, columns, skin, overlap, sheet.plies, face_thickness)
+        overlap = sliced(cells, columns, overlap, stack.slices)
     else:
-        stack = one_ply(found, face_thickness, target.cell_count)
-    parts = _parts(found, columns, covered.share, stack.part)
+        stack = one_ply(overlap, face_thickness, target.cell_count)
+    parts = _parts(overlap, columns, covered.share, stack.part)
 
     volume = np.bincount(parts.cell, weights=parts.volume, minlength=target.cell_count)
-    alone = np.flatnonzero(volume == 0.0)
-    closest = closest_points(sheet.surface, target.centroids[alone], maximum_distance)
-    near, near_face = alone[closest.face >= 0], closest.face[closest.face >= 0]
-    cell = np.concatenate([parts.cell, near])
-    face = np.concatenate([parts.face, near_face])
-    average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(near))])
-    content = np.concatenate([parts.content, np.zeros(len(near))])
-    feet = sheet.surface.in_frames(near_face, closest.foot[closest.face >= 0])
+    beside = _beside(sheet.surface, target, volume, maximum_distance)
+    cell = np.concatenate([parts.cell, beside.cell])
+    face = np.concatenate([parts.face, beside.face])
+    average = np.concatenate([parts.volume / volume[parts.cell], np.ones(len(beside.cell))])
+    content = np.concatenate([parts.content, np.zeros(len(beside.cell))])
     places = _places(sheet.surface, columns, parts, covered.share)
-    place = np.concatenate([places, feet])
+    place = np.concatenate([places, beside.place])
     rows = np.lexsort((face, cell))
 
     distance = _distance(parts, target.cell_count)
-    distance[near] = closest.distance[closest.face >= 0]
+    distance[beside.cell] = beside.distance
     formed = stack.thickness.copy()
-    formed[near] = face_thickness[near_face]
+    formed[beside.cell] = face_thickness[beside.face]
     solid = _solid_thickness(parts, formed, target.cell_count)
-    half = _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
     status = np.full(target.cell_count, Status.UNMAPPED, dtype=np.int8)
-    status[near] = Status.EXTRAPOLATED
+    status[beside.cell] = Status.EXTRAPOLATED
     status[volume > 0.0] = Status.EXTRAPOLATED
+    half = _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
     whole = coverage >= COVERED
     status[whole] = Status.PROJECTED
     status[whole & (distance <= half)] = Status.INSIDE
@@ -145,6 +142,34 @@ def compute_solid_weights(
     )
 
 
+class _Beside(NamedTuple):
+    """Cells without an overlap, and the closest place of the sheet.
+
+    cell, face : numbers, shape (K,). place : on the face, in its frame [m], shape (K, 2).
+    distance : [m], shape (K,).
+    """
+
+    cell: np.ndarray
+    face: np.ndarray
+    place: np.ndarray
+    distance: np.ndarray
+
+
+def _beside(
+    surface: Surface, target: TargetMesh, volume: np.ndarray, maximum_distance: float
+) -> _Beside:
+    """Return the cells without an overlap that lie within a distance [m] of the sheet.
+
+    volume : that each cell has in common with the sheet [m3], shape (C,).
+    """
+    alone = np.flatnonzero(volume == 0.0)
+    closest = closest_points(surface, target.centroids[alone], maximum_distance)
+    near = closest.face >= 0
+    face = closest.face[near]
+    place = surface.in_frames(face, closest.foot[near])
+    return _Beside(alone[near], face, place, closest.distance[near])
+
+
 def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     """Distance [m] up to which a solid cell and the sheet count as the same part."""
     distance = default_maximum_distance(sheet, target)
@@ -157,35 +182,35 @@ def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
     return max(distance, THICKEST * float(stack))
 
 
-def _coverage(found: Overlaps, ply: np.ndarray, cells: Solids) -> np.ndarray:
+def _coverage(overlap: Overlaps, ply: np.ndarray, cells: Solids) -> np.ndarray:
     """Share of each cell's volume that lies over every ply, shape (P, C)."""
     ply_count, cell_count = int(ply.max()) + 1, len(cells.volumes)
-    key = ply[found.face] * cell_count + found.cell
-    held = np.bincount(key, weights=found.volume, minlength=ply_count * cell_count)
+    key = ply[overlap.face] * cell_count + overlap.cell
+    held = np.bincount(key, weights=overlap.volume, minlength=ply_count * cell_count)
     return held.reshape(ply_count, cell_count) / cells.volumes
 
 
 def _parts(
-    found: Overlaps, columns: Columns, covered: np.ndarray, part_of_stack: np.ndarray
+    overlap: Overlaps, columns: Columns, covered: np.ndarray, part_of_stack: np.ndarray
 ) -> _Parts:
     """Shares of the faces' contents, and the thickness that the target has along each face."""
     face_count = len(columns.faces)
-    some = found.volume > 0.0
-    found, part_of_stack = found.only(some), part_of_stack[some]
+    some = overlap.volume > 0.0
+    overlap, part_of_stack = overlap.only(some), part_of_stack[some]
     height = np.einsum(
         "ki,ki->k",
-        found.centroid - columns.centroids[found.face],
-        columns.face_normals[found.face],
+        overlap.centroid - columns.centroids[overlap.face],
+        columns.face_normals[overlap.face],
     )
-    volume = np.bincount(found.face, weights=found.volume, minlength=face_count)
-    moment = np.bincount(found.face, weights=found.volume * height, minlength=face_count)
+    volume = np.bincount(overlap.face, weights=overlap.volume, minlength=face_count)
+    moment = np.bincount(overlap.face, weights=overlap.volume * height, minlength=face_count)
     held = volume > 0.0
     mean_height = np.where(held, moment / np.where(held, volume, 1.0), 0.0)
     # The area of a column changes along its normal where the sheet is curved.
     area = columns.areas(mean_height) * np.maximum(covered, np.finfo(float).tiny)
-    content = covered[found.face] * found.volume / volume[found.face]
-    thickness = (volume / area)[found.face] / part_of_stack
-    return _Parts(*found, height, content, thickness)
+    content = covered[overlap.face] * overlap.volume / volume[overlap.face]
+    thickness = (volume / area)[overlap.face] / part_of_stack
+    return _Parts(*overlap, height, content, thickness)
 
 
 def _places(surface: Surface, columns: Columns, parts: _Parts, covered: np.ndarray) -> np.ndarray:

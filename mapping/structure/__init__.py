@@ -8,7 +8,7 @@
                     deck.py ─▶ calculix.py  runs it, reads what it leaves
                                   ▼
                     results.py  on cells and nodes, in netCDF and VTU
-                    report.py, picture.py
+                    report.py  in numbers, and as a picture
 
 stage.py does it from the mapped file, or from the forming result, to the report.
 """

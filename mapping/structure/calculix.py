@@ -42,10 +42,10 @@ def find_solver(command: str) -> str | None:
     ------
     InputError : a path was given that is no program.
     """
-    found = shutil.which(command)
-    if found is None and os.sep in command:
+    path = shutil.which(command)
+    if path is None and os.sep in command:
         raise InputError("is no program that can be run", file=command)
-    return found
+    return path
 
 
 def run_solver(
@@ -114,17 +114,17 @@ def messages(text: str, kind: str) -> list[str]:
 
     A message runs to the next blank line or message; numbers in it do not make it another one.
     """
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     example: dict[str, str] = {}
     for words in _texts(text, kind):
         key = re.sub(r"[-+\d.]+(?:[eE][-+]?\d+)?", "#", words)
-        found[key] += 1
+        counts[key] += 1
         example.setdefault(key, words)
     told = [
         example[key] + (f" ({count} times)" if count > 1 else "")
-        for key, count in found.most_common(MOST_MESSAGES)
+        for key, count in counts.most_common(MOST_MESSAGES)
     ]
-    rest = len(found) - len(told)
+    rest = len(counts) - len(told)
     return [*told, f"and {rest} further kinds"] if rest > 0 else told
 
 
@@ -216,7 +216,7 @@ def read_displacements(path: Path | str) -> list[NodalResult]:
                 number = end
     except (ValueError, StopIteration):
         raise InputError(
-            f"the block at line {number} is none of a CalculiX result in ASCII", file=path
+            f"the block at line {number} is no block of a CalculiX result in ASCII", file=path
         ) from None
     return results
 
@@ -279,16 +279,16 @@ def read_printed(path: Path | str) -> PrintedResults:
 
 
 def _frequencies(lines: list[str], first: int) -> list[float]:
-    found: list[float] = []
+    frequencies: list[float] = []
     for line in lines[first:]:
         match = _MODE.fullmatch(line)
         if match is None:
-            if found:
+            if frequencies:
                 break
             continue
         eigenvalue, _, cycles, _ = (float(text) for text in match[1].split())
-        found.append(cycles if eigenvalue >= 0.0 else np.nan)
-    return found
+        frequencies.append(cycles if eigenvalue >= 0.0 else np.nan)
+    return frequencies
 
 
 def _points(lines: list[str], first: int, path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -253,10 +253,10 @@ def _entries_of_layers(mesh: DeckMesh, layers: np.ndarray) -> np.ndarray:
     """Return how often every layered element stands in its set, (C,), for CalculiX to have room.
 
     CalculiX 2.20 reserves 20 nodes for every layer and entry of the set of a section
-    (``allocation.f``), but makes three for each node of an element and each layer of the element
-    with the most of them, wherever thickness or normal differs from that of the neighbours
-    (``gen3dnor.f``): 24 for a quadrilateral. It stops with "increase nk_" where that is more in
-    sum. An entry that is there already is reserved for, and changes nothing else.
+    (``allocation.f``). Where thickness or normal differs from that of the neighbours it makes three
+    for each node of an element and each layer of the element with the most layers
+    (``gen3dnor.f``): 24 for a quadrilateral. It stops with "increase nk_" where these are more in
+    sum. A repeated entry reserves room again, and changes nothing else.
 
     layers : of every element, (C,).
     """

@@ -190,10 +190,10 @@ def _apart(leading: FormedPly, count: int) -> list[np.ndarray]:
     across = np.cross(third, first)
     across /= np.linalg.norm(across, axis=1)[:, None]
     angles = np.pi / count * np.arange(count)
-    found = [np.cos(angle) * first + np.sin(angle) * across for angle in angles]
+    directions = [np.cos(angle) * first + np.sin(angle) * across for angle in angles]
     if len(leading.directions) == count and all(np.isfinite(d).all() for d in leading.directions):
         return list(leading.directions)
-    return found
+    return directions
 
 
 def _field(mapped: xr.Dataset, name: str, target: TargetMesh, file: str) -> np.ndarray:

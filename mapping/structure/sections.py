@@ -102,10 +102,9 @@ class Sections:
 def build_sections(formed: FormedCells, target: TargetMesh, structure: Structure) -> Sections:
     """Compute the material of every cell.
 
-    CalculiX knows the thickness of shells at nodes without stiffening their joints (one thickness
-    per element makes every joint rigid): nodes take the mean of their cells, weighted by area, and
-    the fibre volume fraction of a cell is that of its own fibres in the thickness of its nodes, so
-    that fibre mass is neither made nor lost.
+    In CalculiX one thickness per element makes every joint of shells rigid; thicknesses at nodes do
+    not. So nodes take the mean of their cells, weighted by area. The fibre volume fraction of a
+    cell is that of its own fibres in the thickness of its nodes, so that the fibre mass is kept.
 
     Raises
     ------

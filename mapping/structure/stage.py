@@ -36,8 +36,7 @@ from lcmchain.mapping.structure.mapped_file import (
     read_mapped,
 )
 from lcmchain.mapping.structure.mesh import DeckMesh, deck_mesh
-from lcmchain.mapping.structure.picture import draw_results
-from lcmchain.mapping.structure.report import StructureReport, deck_report
+from lcmchain.mapping.structure.report import StructureReport, deck_report, draw_results
 from lcmchain.mapping.structure.results import (
     StructuralResults,
     read_results,

@@ -86,8 +86,8 @@ def contents_of_faces(
 ) -> np.ndarray:
     """Content that lies over the target of each face, shape (F,), of a content per area (F,).
 
-    Of a face that the cells tile it is the content of the face itself, not the sum of what the
-    cells got: comparing both checks the weights.
+    Where the cells tile a face it is the content of the face itself, not the sum of what the cells
+    got, so that comparing both checks the weights.
     """
     contents = per_area * surface.areas
     partly = weights.face_coverage[weights.face] < 1.0 - TILED
@@ -301,7 +301,7 @@ def _at_places(
 ) -> list[np.ndarray]:
     """Components uu, vv, uv of every weight (K,), in the frame of its face.
 
-    Of second order they vary linearly within the face; the tensors of its neighbours are turned
+    In second order they vary linearly within the face. The tensors of its neighbours are turned
     into its plane for that.
     """
     larger, smaller, _ = sheet.values.T
@@ -404,7 +404,7 @@ def unpacked(components: np.ndarray) -> np.ndarray:
 def principal_permeability(tensors: np.ndarray, normals: np.ndarray) -> PrincipalPermeability:
     """Principal values and axes: two in the plane, the larger one first, and through it.
 
-    What the tensors have between the plane and its normal, rounding or a bend, is left out.
+    Components between the plane and its normal are left out: they are rounding, or from a bend.
     """
     plane = np.stack(_basis(normals), axis=1)
     values, vectors = np.linalg.eigh(np.einsum("cai,cij,cbj->cab", plane, tensors, plane))

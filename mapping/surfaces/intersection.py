@@ -28,10 +28,10 @@ SLIVER = 1e-14
 WIDER = 0.05
 SLANT = 0.2
 
-# So many cells that are close to each other ask the tree of the faces together.
+# Number of cells close to each other that search the tree of the faces together.
 TOGETHER = 8
 
-# So many cells, close to each other, go through the steps together: a multiple of TOGETHER.
+# Number of cells close to each other that go through the steps together: a multiple of TOGETHER.
 BLOCK = 4096
 
 # Columns of the table of pairs while it is filled.
@@ -80,7 +80,7 @@ def overlaps(surface: Surface, cells: CellPolygons, maximum_distance: float) -> 
 
 
 class _Cells(NamedTuple):
-    """What they need of the target: as in :class:`CellPolygons`."""
+    """Arrays of the target for search and clipping, as in :class:`CellPolygons`."""
 
     start: np.ndarray
     corners: np.ndarray
@@ -90,7 +90,7 @@ class _Cells(NamedTuple):
 
 
 class _Faces(NamedTuple):
-    """What the search and the clipping need of the sheet.
+    """Arrays of the sheet for search and clipping.
 
     planes : of the triangles, shape (T, 14): first corner, unit normal, unit tangent along the
         first edge, its length, third corner along and across it, lengths of the other two edges.

@@ -1,7 +1,8 @@
 """Which faces a cell takes from, in what shares: by overlap or by the closest place.
 
-Overlaps are found by :mod:`lcmchain.mapping.surfaces.intersection`. Of several layers of the sheet
-over a cell one is chosen, and the shares of the faces' contents are evened out among the cells.
+Overlaps are found by :mod:`lcmchain.mapping.surfaces.intersection`. Where several layers of the
+sheet lie over a cell, one is chosen. The shares of the faces' contents are evened out among the
+cells.
 """
 
 from __future__ import annotations
@@ -52,21 +53,21 @@ def surface_weights(
     if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
         raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
     pair = _by_overlap if method == "overlap" else _by_closest
-    found = pair(sheet.surface, target, float(maximum_distance))
+    pairing = pair(sheet.surface, target, float(maximum_distance))
     return MappingWeights(
-        cell=found.cell,
-        face=found.face,
-        average=found.average,
-        content=found.content,
-        place=found.place,
-        status=_status(sheet, found),
-        coverage=found.coverage,
-        distance=found.distance,
-        cell_area=found.cell_area,
-        face_coverage=found.face_coverage,
-        missed=found.missed,
-        wedge_correction=found.wedge_correction,
-        moved=found.moved,
+        cell=pairing.cell,
+        face=pairing.face,
+        average=pairing.average,
+        content=pairing.content,
+        place=pairing.place,
+        status=_status(sheet, pairing),
+        coverage=pairing.coverage,
+        distance=pairing.distance,
+        cell_area=pairing.cell_area,
+        face_coverage=pairing.face_coverage,
+        missed=pairing.missed,
+        wedge_correction=pairing.wedge_correction,
+        moved=pairing.moved,
         method=method,
         order=order,
         maximum_distance=float(maximum_distance),
@@ -76,16 +77,16 @@ def surface_weights(
     )
 
 
-def _status(sheet: Sheet, found: Pairing) -> np.ndarray:
+def _status(sheet: Sheet, pairing: Pairing) -> np.ndarray:
     """Status of each cell, shape (C,)."""
-    mapped = np.zeros(len(found.coverage), dtype=bool)
-    mapped[found.cell] = True
+    mapped = np.zeros(len(pairing.coverage), dtype=bool)
+    mapped[pairing.cell] = True
     status = np.where(mapped, Status.EXTRAPOLATED, Status.UNMAPPED).astype(np.int8)
-    covered = mapped & (found.coverage >= COVERED)
+    covered = mapped & (pairing.coverage >= COVERED)
     status[covered] = Status.PROJECTED
-    within = found.distance <= half_thickness(sheet)[found.nearest_face]
+    within = pairing.distance <= half_thickness(sheet)[pairing.nearest_face]
     status[covered & within] = Status.INSIDE
-    status[mapped & found.ambiguous] = Status.AMBIGUOUS
+    status[mapped & pairing.ambiguous] = Status.AMBIGUOUS
     return status
 
 
@@ -120,29 +121,29 @@ def _by_overlap(surface: Surface, target: TargetMesh, maximum_distance: float) -
     """
     count = target.cell_count
     cells = target.polygons(np.empty((0, 3)))
-    found = overlaps(surface, cells, maximum_distance)
-    choice = choose_layers(found, target.surface.winding, cells.areas, maximum_distance)
+    overlap = overlaps(surface, cells, maximum_distance)
+    choice = choose_layers(overlap, target.surface.winding, cells.areas, maximum_distance)
     if not choice.taken.all():
-        found = Overlaps(*(values[choice.taken] for values in found))
-    covered = np.bincount(found.cell, found.area, minlength=count)
-    nearest, distance = _over_centroid(found, count, maximum_distance)
+        overlap = Overlaps(*(values[choice.taken] for values in overlap))
+    covered = np.bincount(overlap.cell, overlap.area, minlength=count)
+    nearest, distance = _over_centroid(overlap, count, maximum_distance)
     unsure = np.flatnonzero(~np.isfinite(distance) | (covered == 0.0))
     if len(unsure):
         sides = cells.normals[unsure] * choice.side[unsure, None]
         closest = closest_points(surface, cells.centroids[unsure], maximum_distance, sides)
         distance[unsure], nearest[unsure] = closest.distance, closest.face
-        _distance_of_overlaps(found, covered, distance, nearest)
+        _distance_of_overlaps(overlap, covered, distance, nearest)
     alone = np.flatnonzero((covered == 0.0) & (nearest >= 0))
     distance[(covered == 0.0) & (nearest < 0)] = np.nan
 
     face_coverage, missed, content, correction = _face_coverage(
-        surface, target, cells, found, maximum_distance
+        surface, target, cells, overlap, maximum_distance
     )
-    coverage = _coverage(surface, cells, found, covered)
-    content, moved = _even_shares(found, content, surface.areas, coverage * cells.areas)
-    average = found.area / np.where(covered > 0.0, covered, 1.0)[found.cell]
+    coverage = _coverage(surface, cells, overlap, covered)
+    content, moved = _even_shares(overlap, content, surface.areas, coverage * cells.areas)
+    average = overlap.area / np.where(covered > 0.0, covered, 1.0)[overlap.cell]
     weights: tuple[np.ndarray, ...] = (
-        found.cell, found.face, average, found.place, content,
+        overlap.cell, overlap.face, average, overlap.place, content,
     )  # fmt: skip
     if len(alone):
         foot = closest.foot[np.isin(unsure, alone)]
@@ -206,14 +207,14 @@ def _merged(table: tuple[np.ndarray, ...], more: tuple[np.ndarray, ...]) -> tupl
 
 
 def _over_centroid(
-    found: Overlaps, count: int, maximum_distance: float
+    overlap: Overlaps, count: int, maximum_distance: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Face over the centroid of each cell, and its distance [m]; -1 and infinite without one.
 
     A face that is steep to the cell may be near on average and too far off over the centroid.
     """
     face, distance = np.full(count, -1, dtype=np.int64), np.full(count, np.inf)
-    _least(found.cell, found.face, found.centre, maximum_distance, face, distance)
+    _least(overlap.cell, overlap.face, overlap.centre, maximum_distance, face, distance)
     return face, distance
 
 
@@ -225,19 +226,21 @@ def _least(cell, face, centre, maximum_distance, nearest, distance):
 
 
 def _distance_of_overlaps(
-    found: Overlaps, covered: np.ndarray, distance: np.ndarray, nearest: np.ndarray
+    overlap: Overlaps, covered: np.ndarray, distance: np.ndarray, nearest: np.ndarray
 ) -> None:
     """Give covered cells whose centroid is near no face the distance of what lies over them."""
     lost = (covered > 0.0) & (nearest < 0)
     if not lost.any():
         return
-    moment = np.bincount(found.cell, found.area * np.abs(found.height), minlength=len(covered))
+    moment = np.bincount(
+        overlap.cell, overlap.area * np.abs(overlap.height), minlength=len(covered)
+    )
     distance[lost] = moment[lost] / covered[lost]
-    nearest[found.cell[lost[found.cell]]] = found.face[lost[found.cell]]
+    nearest[overlap.cell[lost[overlap.cell]]] = overlap.face[lost[overlap.cell]]
 
 
 def _coverage(
-    surface: Surface, cells: CellPolygons, found: Overlaps, covered: np.ndarray
+    surface: Surface, cells: CellPolygons, overlap: Overlaps, covered: np.ndarray
 ) -> np.ndarray:
     """Covered share of each cell, from the covered areas [m2] (C,).
 
@@ -248,10 +251,10 @@ def _coverage(
     coverage = covered / np.where(cells.areas > 0.0, cells.areas, 1.0)
     at_edge = np.zeros(len(coverage), dtype=bool)
     bounding = np.asarray(surface.winding.bounds.any(axis=1))
-    at_edge[found.cell[bounding[found.face]]] = True
+    at_edge[overlap.cell[bounding[overlap.face]]] = True
     curved = np.abs(coverage - 1.0) > CURVED
     doubtful: np.ndarray = (coverage > 0.0) & (at_edge | curved)
-    tiled = coverage_of_planes(surface, cells, found, np.flatnonzero(doubtful))
+    tiled = coverage_of_planes(surface, cells, overlap, np.flatnonzero(doubtful))
     whole: np.ndarray = (coverage > 0.0) & ~doubtful
     whole[doubtful] = tiled >= COVERED
     return np.where(whole, 1.0, np.minimum(coverage, 1.0))
@@ -261,17 +264,17 @@ def _face_coverage(
     surface: Surface,
     target: TargetMesh,
     cells: CellPolygons,
-    found: Overlaps,
+    overlap: Overlaps,
     maximum_distance: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Covered share of each face; faces missed; shares of contents; largest correction of these.
 
-    The cells over a face tile it. Only where the target bends more sharply than the sheet, cells on
-    either side of the bend leave or share a wedge of it; the shares are then scaled until they sum
-    to one: no fibre is lost or made.
+    The cells over a face tile it, except where the target bends more sharply than the sheet. There
+    the cells on either side of the bend leave or share a wedge of the face. Their shares are scaled
+    until they sum to one, so that no fibre is lost or made.
     """
-    part = found.part
-    tiled = np.bincount(found.face, part, minlength=surface.face_count)
+    part = overlap.part
+    tiled = np.bincount(overlap.face, part, minlength=surface.face_count)
     open_faces = np.flatnonzero(np.abs(tiled - 1.0) > TILED)
     over_target = np.zeros(surface.face_count, dtype=bool)
     if len(open_faces):
@@ -286,7 +289,7 @@ def _face_coverage(
     scale = face_coverage / np.where(tiled > 0.0, tiled, 1.0)
     correction = float(np.abs(scale[tiled > 0.0] - 1.0).max(initial=0.0))
     missed = over_target & ~whole
-    return face_coverage, missed, part * scale[found.face], correction
+    return face_coverage, missed, part * scale[overlap.face], correction
 
 
 def _nodes_over_target(
@@ -361,7 +364,7 @@ class Choice(NamedTuple):
 
 
 def choose_layers(
-    found: Overlaps, winding: Winding, areas: np.ndarray, maximum_distance: float
+    overlap: Overlaps, winding: Winding, areas: np.ndarray, maximum_distance: float
 ) -> Choice:
     """Choose the layer of each cell.
 
@@ -372,16 +375,18 @@ def choose_layers(
     maximum_distance : up to which layers were looked for [m].
     """
     count = len(areas)
-    layer_count = int(found.layer.max(initial=-1)) + 1
-    area = np.bincount(found.layer, found.area, minlength=layer_count)
-    moment = np.bincount(found.layer, found.area * np.abs(found.height), minlength=layer_count)
+    layer_count = int(overlap.layer.max(initial=-1)) + 1
+    area = np.bincount(overlap.layer, overlap.area, minlength=layer_count)
+    moment = np.bincount(
+        overlap.layer, overlap.area * np.abs(overlap.height), minlength=layer_count
+    )
     distance = np.where(area > 0.0, moment / np.where(area > 0.0, area, 1.0), np.inf)
     cell, side = np.zeros(layer_count, dtype=np.int64), np.zeros(layer_count, dtype=np.int64)
-    cell[found.layer], side[found.layer] = found.cell, found.side
+    cell[overlap.layer], side[overlap.layer] = overlap.cell, overlap.side
     first = np.searchsorted(cell, np.arange(count + 1))
     wanted = _side_of_cells(first, side, distance, areas, winding, maximum_distance)
     chosen, ambiguous = _choose(first, side, area, distance, wanted, areas)
-    taken = chosen[found.layer]
+    taken = chosen[overlap.layer]
     return Choice(taken, ambiguous, wanted)
 
 
@@ -481,7 +486,7 @@ SWEEPS = 10
 
 
 def _even_shares(
-    found: Overlaps, content: np.ndarray, face_areas: np.ndarray, covered_areas: np.ndarray
+    overlap: Overlaps, content: np.ndarray, face_areas: np.ndarray, covered_areas: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Even out the shares of the faces' contents; return them, and the share that was moved.
 
@@ -492,9 +497,9 @@ def _even_shares(
     covered_areas : of the cells [m2], shape (C,).
     """
     even = content.copy()
-    _sweep(found.cell, found.face, even, face_areas, covered_areas, SWEEPS)
-    moved = np.abs(even - content) @ face_areas[found.face]
-    total = content @ face_areas[found.face]
+    _sweep(overlap.cell, overlap.face, even, face_areas, covered_areas, SWEEPS)
+    moved = np.abs(even - content) @ face_areas[overlap.face]
+    total = content @ face_areas[overlap.face]
     return even, float(0.5 * moved / total) if total > 0.0 else 0.0
 
 

@@ -90,7 +90,7 @@ def _closest(
     square = np.zeros(count)
     on_edge = np.zeros(count, dtype=np.bool_)
     stack = np.empty(STACK, dtype=np.int64)
-    # What lies at the distance itself counts, whatever the rounding.
+    # a place at the very distance counts, whatever the rounding
     reach = maximum_distance * maximum_distance * (1.0 + 1e-12)
     for p in range(count):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]

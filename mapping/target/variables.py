@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
+from lcmchain.fields.ugrid import Described
 from lcmchain.mapping.target.mesh import TargetMesh
 from lcmchain.mesh_files.readers.by_meshio import CELL_SET, NODE_SET, PART
 
 MOST_MARKED_PARTS = 100
-
-#: Values (C,) or (N,) and attributes.
-Described = tuple[np.ndarray, dict[str, Any]]
 
 # A variable's name, and a word of flag_meanings, consist of these (CF 1.11, 2.3 and 3.5).
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9_]+")
@@ -27,7 +24,7 @@ def cell_variables(target: TargetMesh) -> dict[str, Described]:
     ``part`` counts the parts from 1, 0 is none; its attributes name them. Every set is a variable
     of 0 and 1.
     """
-    found: dict[str, Described] = {
+    variables: dict[str, Described] = {
         "cell_id": (target.cell_ids, {"long_name": "number of the cell in the target file",
                                       "units": "1"})
     }  # fmt: skip
@@ -41,8 +38,8 @@ def cell_variables(target: TargetMesh) -> dict[str, Described]:
             "flag_meanings": " ".join(words),
             "part_names": "\n".join(names),
         }
-        found["part"] = (_part_numbers(target), about)
-    return found | _memberships("cell_set", target.cell_sets, target.cell_count)
+        variables["part"] = (_part_numbers(target), about)
+    return variables | _memberships("cell_set", target.cell_sets, target.cell_count)
 
 
 def node_variables(target: TargetMesh) -> dict[str, Described]:
@@ -80,7 +77,7 @@ def _part_numbers(target: TargetMesh) -> np.ndarray:
 
 
 def _memberships(kind: str, sets: Mapping[str, np.ndarray], count: int) -> dict[str, Described]:
-    found = {}
+    variables = {}
     for (name, rows), word in zip(sets.items(), _distinct(sets), strict=True):
         about = {
             "long_name": f"{kind.replace('_', ' ')} {name} of the target file",
@@ -89,8 +86,8 @@ def _memberships(kind: str, sets: Mapping[str, np.ndarray], count: int) -> dict[
             "flag_values": np.array([0, 1], dtype=np.int8),
             "flag_meanings": "outside member",
         }
-        found[f"{kind}_{word}"] = (_marks(rows, count), about)
-    return found
+        variables[f"{kind}_{word}"] = (_marks(rows, count), about)
+    return variables
 
 
 def _marks(rows: np.ndarray, count: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from lcmchain.effects.contact_depth import (
     nominal_pressure,
     pressure_in_gap,
 )
-from lcmchain.fields.limits import hidden_compaction, hidden_compaction_warnings
+from lcmchain.judgements.contact import hidden_compaction, hidden_compaction_warnings
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation

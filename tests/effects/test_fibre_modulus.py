@@ -9,7 +9,7 @@ import pytest
 
 from lcmchain.check import run_effects
 from lcmchain.errors import InputError
-from lcmchain.judgements.fibre_strain import fibre_strain_warnings
+from lcmchain.judgements.fields import fibre_strain_warnings
 from lcmchain.model import build_model
 from lcmchain.pipeline import run
 from lcmchain.scene import scene_from_text

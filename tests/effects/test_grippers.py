@@ -13,9 +13,8 @@ from lcmchain.effects.grippers import LEAST_DISTANCE, omega2_of_grippers
 from lcmchain.effects.interaction import bound
 from lcmchain.effects.switches import effects_of
 from lcmchain.errors import InputError
-from lcmchain.fields.frames import FrameSeries, Histories
-from lcmchain.fields.history_group import HISTORY_FIELDS, history_dataset
 from lcmchain.fields.loads import gripper_loads
+from lcmchain.fields.saved import HISTORY_FIELDS, FrameSeries, Histories, history_dataset
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung

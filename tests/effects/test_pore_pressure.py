@@ -21,7 +21,7 @@ from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
-from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.saved import FrameSeries
 from lcmchain.mesh.hexahedron import NODE_SIGNS
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

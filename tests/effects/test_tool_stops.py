@@ -7,8 +7,8 @@ import pytest
 
 from lcmchain.check.tool_strokes import closing_tools
 from lcmchain.errors import InputError
-from lcmchain.fields.frames import Histories
 from lcmchain.fields.loads import stop_warnings, tool_stops
+from lcmchain.fields.saved import Histories
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import STOPPED_TIME

@@ -11,12 +11,11 @@ from fmpy.validation import validate_fmu
 from lcmchain.check.tool_strokes import closing_tools, require_space, tools_out_of_reach
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
-from lcmchain.fields.frames import FrameSeries, Histories
-from lcmchain.fields.history_group import history_dataset, tool_places
+from lcmchain.fields.saved import FrameSeries, Histories, history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming.variables import variables_of
 from lcmchain.model import build_model
-from lcmchain.report.page_data import tool_data
+from lcmchain.report.html import tool_data
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools.distance import gaps, signed_distance

@@ -15,8 +15,12 @@ from typer.testing import CliRunner
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor import Level, examine
-from lcmchain.fmu.doctor.binary import platform_folders
-from lcmchain.fmu.doctor.libraries import SharedObject, newest_versions, read_shared_object
+from lcmchain.fmu.doctor.binary import (
+    SharedObject,
+    newest_versions,
+    platform_folders,
+    read_shared_object,
+)
 
 FMI2, FMI3 = platform_folders()
 TIME = '<Float64 name="time" valueReference="0" causality="independent"/>'

@@ -16,7 +16,7 @@ from lcmchain.compilation.references import Reference
 from lcmchain.elements.blocks import SPAN
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
-from lcmchain.fields.frames import FrameSeries
+from lcmchain.fields.saved import FrameSeries
 from lcmchain.fields.sheet import node_areas, vector
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import stack_summary
@@ -29,8 +29,8 @@ from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
 from lcmchain.report.numbers import key_numbers, ply_numbers
-from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import draw_plies
+from lcmchain.report.style import CAPTIONS
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import State
 

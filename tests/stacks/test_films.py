@@ -8,7 +8,8 @@ from lcmchain.check.tables import stack_tables
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.stack import PLY, film_names, plies_of
-from lcmchain.fields.summary import field_summary, field_warnings, stack_summary
+from lcmchain.fields.summary import field_summary, stack_summary
+from lcmchain.judgements.fields import field_warnings
 from lcmchain.mapping.sheet import read_sheet
 from lcmchain.report.numbers import key_numbers, ply_numbers
 

@@ -7,12 +7,12 @@ from matplotlib.image import imread
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.stack import PLY
 from lcmchain.report import draw_result, draw_stack
-from lcmchain.report.page_data import view_data
+from lcmchain.report.html import view_data
 from lcmchain.report.pictures import _from_back_to_front
 from lcmchain.report.sections import Plane
-from lcmchain.report.shown import CAPTIONS
 from lcmchain.report.stack_pictures import _base_of, _Line
 from lcmchain.report.start import MOST_PLIES_SHOWN, _shown_plies
+from lcmchain.report.style import CAPTIONS
 from lcmchain.report.view import FROM_ABOVE, oblique
 
 SCENE = """

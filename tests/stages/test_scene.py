@@ -15,14 +15,13 @@ from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.stages import STAGE
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
-from lcmchain.report.page_data import tool_data
+from lcmchain.report.html import tool_data
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.rungs import on_rung
 from lcmchain.scene.stages import stage_at
 from lcmchain.solver.remedies import slower_loads
 from lcmchain.state import State
-from lcmchain.study.source import Variant
-from lcmchain.study.sources import SceneText
+from lcmchain.study.sources import SceneText, Variant
 from lcmchain.summary import _before_release
 
 SCENE = """

@@ -13,7 +13,7 @@ from lcmchain.errors import InputError
 from lcmchain.model import build_model
 from lcmchain.pipeline import run
 from lcmchain.provenance import run_fingerprint
-from lcmchain.results.state import read_summary
+from lcmchain.results.folder import read_summary
 from lcmchain.solver.checkpoint import FILE_NAME, read_checkpoint
 from lcmchain.solver.stage_start import model_digest, started_state
 

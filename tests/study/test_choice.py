@@ -21,7 +21,7 @@ from lcmchain.study.chooser import SPARE, Chooser
 from lcmchain.study.comparison import differences
 from lcmchain.study.convergence import Convergence, error_laws
 from lcmchain.study.outcome import Outcome
-from lcmchain.study.runs import DURATION, Rehearsal, rehearse
+from lcmchain.study.runs import DURATION, Beginning, begin_run
 from lcmchain.study.step_settings import (
     AS_IT_IS,
     MASSES,
@@ -90,8 +90,8 @@ class Known(Chooser):
         steps = 0.04 / edge / 10.0
         return steps * (steps**2 + self.of_step / 100.0)
 
-    def _rehearse(self, edge):
-        return Rehearsal(0.6 * SECONDS * self.work(edge), 0.01 * SECONDS)
+    def _begin(self, edge):
+        return Beginning(0.6 * SECONDS * self.work(edge), 0.01 * SECONDS)
 
     def make(self, choice):
         made = self.outcome(choice.edge_length, choice.settings)
@@ -411,7 +411,7 @@ def test_steps_that_cost_much_beside_their_elements_do_not_mislead_a_budget(dent
         assert 0.75 <= choice.seconds / 100.0 <= 1.0
         assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.1)
         assert choice.pilot_seconds == pytest.approx(
-            sum(made.seconds for made in known.pilots.values()) + 0.01 * len(known.rehearsals)
+            sum(made.seconds for made in known.pilots.values()) + 0.01 * len(known.beginnings)
         )
 
 
@@ -436,7 +436,7 @@ def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_pa
     known = Known(dent, tmp_path, read_wish(None, "32 s"), 1.0, 0.5, of_fibres=0.0)
     choice = known.run(known.make)
     assert choice.settings.fibres == SOFTER_FIBRES
-    assert known._rehearsed_for == DURATION
+    assert known._begun_for == DURATION
     tried = {settings for _, settings in known.pilots}
     assert not any(settings.mass == MASSES[1] for settings in tried)
     counted = [level.edge for level in known._counted[:-1]]
@@ -444,19 +444,19 @@ def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_pa
     assert choice.pilot_seconds < 0.35 * 32.0
     assert 0.75 * 32.0 <= choice.seconds <= 32.0
     small = Known(dent, tmp_path, read_wish(None, "5 s"), 1.0, 0.5)
-    assert small._rehearsed_for == pytest.approx(0.05)
+    assert small._begun_for == pytest.approx(0.05)
 
 
-def test_a_rehearsal_goes_with_the_work_of_a_run(dent, tmp_path):
+def test_the_beginning_of_a_run_goes_with_the_work_of_a_run(dent, tmp_path):
     """Steps and elements of the mesh itself; what its steps take is measured."""
     scenes = [
         dent.scene(('blank.edge_length="2 mm"', f'process.time="{time} ms"')) for time in (8, 16)
     ]
-    short, long = (rehearse(scene, 1) for scene in scenes)
+    short, long = (begin_run(scene, 1) for scene in scenes)
     assert long.seconds == pytest.approx(2.0 * short.seconds, rel=0.5)
     assert 0.0 < short.spent < 20.0 * DURATION
     instant = dent.scene(('process.time="0.05 ms"', "process.frames=2"))
-    assert rehearse(instant, 1).seconds > 0.0
+    assert begin_run(instant, 1).seconds > 0.0
 
 
 def test_a_wish_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, tmp_path):
@@ -525,7 +525,7 @@ def test_a_scene_whose_net_is_laid_has_no_steps_to_choose(dent, tmp_path, within
     choice = chooser.run(lambda choice: chooser.study.outcome(chooser.variant_of(choice)))
     assert choice.settings == AS_IT_IS
     assert choice.kept
-    assert chooser.rehearsals == {}
+    assert chooser.beginnings == {}
     assert "process time" not in choice.why
     if within:
         assert 0.0 < choice.found["shear_angle"] <= math.radians(0.5)

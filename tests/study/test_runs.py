@@ -18,7 +18,7 @@ from lcmchain.study import runs as runs_module
 from lcmchain.study.accuracy import ladder, study_accuracy
 from lcmchain.study.accuracy_files import markdown, terminal_table, write_accuracy
 from lcmchain.study.runs import RUNS, Study, Workers
-from lcmchain.study.source import Variant
+from lcmchain.study.sources import Variant
 
 EDGES = [Variant(f"{e} mm", "edge length", (f"blank.edge_length={e} mm",), e * 1e-3)
          for e in (10, 8, 5)]  # fmt: skip

@@ -9,9 +9,8 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.study.results import RESULTS
 from lcmchain.study.runs import LONGEST_NAME, Study, file_name
-from lcmchain.study.sampling import in_si, number_and_unit, read_entry, samples
-from lcmchain.study.source import Variant
-from lcmchain.study.sweep import SweptRun, write_sweep
+from lcmchain.study.sources import Variant
+from lcmchain.study.sweep import SweptRun, in_si, number_and_unit, read_entry, samples, write_sweep
 
 
 def test_a_value_that_is_added_leaves_the_names_of_the_others(dent, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from lcmchain.fields.crossings import crossing_faces, crossing_warnings
+from lcmchain.judgements.crossings import crossing_faces, crossing_warnings
 
 T = 1e-3
 
@@ -59,7 +59,9 @@ def test_lips_that_slide_over_each_other_in_a_plane_are_seen():
 
 def test_edges_far_shorter_than_the_sheet_is_thick_hide_nothing(monkeypatch):
     """Lips that lie over each other at every distance below half the thickness, and just above."""
-    monkeypatch.setattr("lcmchain.fields.crossings.BATCH", 7)  # so that pairs come in many batches
+    monkeypatch.setattr(
+        "lcmchain.judgements.crossings.BATCH", 7
+    )  # so that pairs come in many batches
     points, faces = strip(count=40, length=4e-3, width=2e-4)  # edges of a tenth of the thickness
     both, cells = np.concatenate([points, points]), np.concatenate([faces, faces + len(points)])
     for height in np.linspace(0.02, 0.49, 8) * T:
@@ -78,7 +80,7 @@ def test_pairs_of_a_fine_mesh_are_as_many_as_its_faces_not_their_square(monkeypa
         counted.append(len(points))
         return np.zeros(len(points), dtype=bool)
 
-    monkeypatch.setattr("lcmchain.fields.crossings._lies_in", count)
+    monkeypatch.setattr("lcmchain.judgements.crossings._lies_in", count)
     points, faces = strip(count=2000, length=0.02, width=2e-5)
     crossing_faces(points, faces, T)
     assert sum(counted) < 40 * len(faces)
@@ -104,7 +106,7 @@ def test_the_warning_names_the_first_state_and_the_share(monkeypatch):
     assert f"at 2 ms {count} faces ({count / len(faces):.2%} of the area)" in text
     assert "interfaces.itself = true" in text
     assert crossing_warnings(result([points, apart], faces), T) == []
-    monkeypatch.setattr("lcmchain.fields.crossings.MOST_FACES", 10)
+    monkeypatch.setattr("lcmchain.judgements.crossings.MOST_FACES", 10)
     assert crossing_warnings(result([points, through, points], faces), T) == []
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lcmchain.fields import FrameSeries, build_datasets, model_datasets
-from lcmchain.fields.summary import field_warnings
+from lcmchain.judgements.fields import field_warnings
 from lcmchain.mesh.blank import build_blank
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text

@@ -17,15 +17,13 @@ from lcmchain.fields.sheet import reference_positions, sheet_faces
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.report import draw_result, plots, sections
-from lcmchain.report.animation import draw_animation
 from lcmchain.report.drawn_tools import BEHIND, DepthBuffer, RunTools, draw_tool, hidden_and_seen
 from lcmchain.report.fibre_segments import even_choice, fibre_segments
 from lcmchain.report.pictures import draw_fibre_directions
 from lcmchain.report.renderer import axes_at, fit_axis, mark_extremes
-from lcmchain.report.run_pictures import draw_run, require_film
+from lcmchain.report.run_pictures import draw_animation, draw_run, require_film
 from lcmchain.report.sections import Plane, cut_sheet, default_planes, draw_sections
-from lcmchain.report.shown import CAPTIONS, SHOWN, caption_of
-from lcmchain.report.style import new_figure
+from lcmchain.report.style import CAPTIONS, SHOWN, caption_of, new_figure
 from lcmchain.report.view import FROM_ABOVE, oblique
 from lcmchain.scene import scene_from_text
 from lcmchain.tools.table import build_tool_table

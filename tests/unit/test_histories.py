@@ -9,7 +9,6 @@ import xarray as xr
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, Histories, model_datasets, read_group, write_forming_netcdf
 from lcmchain.fields.dataset import HISTORY, SHEET
-from lcmchain.fields.history_group import HISTORY_FIELDS
 from lcmchain.fields.loads import (
     TAKEN_UP,
     SmoothCourse,
@@ -24,6 +23,7 @@ from lcmchain.fields.loads import (
     snaps_text,
     tool_loads,
 )
+from lcmchain.fields.saved import HISTORY_FIELDS
 from lcmchain.fields.sheet import edge_length, largest_turn
 from lcmchain.fields.summary import field_summary
 from lcmchain.mesh.hexahedron import largest_ripple

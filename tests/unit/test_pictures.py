@@ -19,8 +19,7 @@ from lcmchain.report.renderer import (
     even_places,
     fit_axis,
 )
-from lcmchain.report.shown import CAPTIONS, SHOWN, colour_scale
-from lcmchain.report.style import new_figure, save
+from lcmchain.report.style import CAPTIONS, SHOWN, colour_scale, new_figure, save
 from lcmchain.report.view import (
     FROM_ABOVE,
     View,

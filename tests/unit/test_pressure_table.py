@@ -13,7 +13,6 @@ from lcmchain.coupling.solids.stack_compaction import of_cells
 from lcmchain.coupons.compaction import compaction
 from lcmchain.elements.solid_shell.reference import ElementOptions, ReferenceElement
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.fields import limits
 from lcmchain.fmu.build import stage_scene
 from lcmchain.identification.data import CouponData
 from lcmchain.identification.from_file import identify_compaction_file
@@ -22,6 +21,7 @@ from lcmchain.identification.sheared_compaction import (
     identify_pressure_table,
     identify_sheared_compaction,
 )
+from lcmchain.judgements import fields as field_judgements
 from lcmchain.materials.fabric import FabricCompaction
 from lcmchain.materials.features.pressure_curves import PressureCurve
 from lcmchain.materials.features.pressure_table import PressureTable
@@ -338,20 +338,20 @@ def test_what_no_cell_can_bear_is_told_of_a_table_too(fabric):
 
 def test_a_run_says_where_the_sheet_left_its_table(fabric, monkeypatch):
     """By the shear, and by the compaction below the thinnest point at its angle."""
-    monkeypatch.setattr(limits, "sheet_areas", lambda sheet, frame: np.ones(3))
+    monkeypatch.setattr(field_judgements, "sheet_areas", lambda sheet, frame: np.ones(3))
     degrees, thickness = np.array([[10.0, 44.0, 47.0]]), fabric.thickness * np.array([0.7, 0.9, 1])
     sheet = xr.Dataset(
         {"shear_angle": (("t", "f"), np.radians(degrees)), "thickness": (("t", "f"), [thickness])}
     )
-    (told,) = limits.compaction_range_warnings(sheet, fabric)
+    (told,) = field_judgements.compaction_range_warnings(sheet, fabric)
     assert told.startswith("1 element (33.33% of the area) left the table")
     assert "ends at 45 deg of shear and 0.62 of the free thickness" in told
     sheet["thickness"][0, 0] *= 0.8  # 0.56 of t0, which is near the free thickness at 10 deg
-    (told,) = limits.compaction_range_warnings(sheet, fabric)
+    (told,) = field_judgements.compaction_range_warnings(sheet, fabric)
     assert told.startswith("2 elements (66.67% of the area) left the table")
     assert "1 element (33.33% of the area) by the shear, up to 47.0 deg" in told
     sheet = sheet.isel(f=[1])
-    assert limits.compaction_range_warnings(sheet, fabric) == []
+    assert field_judgements.compaction_range_warnings(sheet, fabric) == []
 
 
 # --- from a file ----------------------------------------------------------------------------------

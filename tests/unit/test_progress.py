@@ -13,7 +13,7 @@ from lcmchain import __version__, cli, provenance
 from lcmchain.commands import terminal
 from lcmchain.commands.terminal import progress_bar, warn_in_groups
 from lcmchain.results import ProgressLines, RunLog
-from lcmchain.results.state import all_warnings
+from lcmchain.results.folder import all_warnings
 
 
 class Clock:

@@ -21,8 +21,8 @@ from lcmchain.fields import sheet_positions
 from lcmchain.pipeline import run
 from lcmchain.provenance import LIBRARIES, provenance
 from lcmchain.report import write_report
+from lcmchain.report.html import BUDGET, MOST_FRAMES, chosen_frames, view_data
 from lcmchain.report.numbers import grouped_warnings
-from lcmchain.report.page_data import BUDGET, MOST_FRAMES, chosen_frames, view_data
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
 

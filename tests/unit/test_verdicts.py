@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from lcmchain.fields import FrameSeries, build_datasets
-from lcmchain.fields.limits import hidden_compaction_warnings
-from lcmchain.fields.summary import field_warnings
-from lcmchain.fields.wrinkles import elements_per_wave, wave_warnings
-from lcmchain.judgements.contact import penetration_warnings
+from lcmchain.fields.wrinkles import elements_per_wave
+from lcmchain.judgements.contact import hidden_compaction_warnings, penetration_warnings
+from lcmchain.judgements.fields import field_warnings, wave_warnings
 from lcmchain.judgements.grades import Verdict, worst_grade
 from lcmchain.judgements.quasi_static import (
     balance_warning,

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lcmchain.fields.measures import (
+from lcmchain.pipeline import run
+from lcmchain.scene import scene_from_text
+from lcmchain.verification.hemisphere import (
     AREA,
     LOCAL_AREAS,
     area_mean_shear,
@@ -17,8 +19,6 @@ from lcmchain.fields.measures import (
     mirror_difference,
     symmetric_mean,
 )
-from lcmchain.pipeline import run
-from lcmchain.scene import scene_from_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # The hemisphere with holder at half its size: as many elements per fillet, a quarter in all.

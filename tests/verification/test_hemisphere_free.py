@@ -10,8 +10,8 @@ import pytest
 from lcmchain import read_scene
 from lcmchain.errors import SimulationError
 from lcmchain.fields import read_forming, sheet_positions
-from lcmchain.fields.measures import mirror_difference
 from lcmchain.pipeline import run
+from lcmchain.verification.hemisphere import mirror_difference
 
 SCENE = Path(__file__).parents[2] / "examples" / "hemisphere_free" / "scene.toml"
 NO_FILES = ["output.pictures=false", "output.vtu=false"]

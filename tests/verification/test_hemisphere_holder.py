@@ -13,10 +13,10 @@ import xarray as xr
 from lcmchain import read_scene, run
 from lcmchain.check import estimate_run
 from lcmchain.fields import read_forming, sheet_faces, sheet_positions
-from lcmchain.fields.measures import flange_and_pole, mirror_difference
 from lcmchain.judgements.grades import GOOD, NOT_JUDGED
 from lcmchain.judgements.verdicts import verdicts
 from lcmchain.model import build_model
+from lcmchain.verification.hemisphere import flange_and_pole, mirror_difference
 
 INITIAL_THICKNESS = 1.004e-3
 SCENE = Path(__file__).parents[2] / "examples" / "hemisphere_holder" / "scene.toml"

@@ -4,8 +4,8 @@ They are those of VDMCheck (INTO-CPS Association), told from the text of the sta
 more: numbers of start values, lists that are complete, abilities that imply others.
 """
 
-from lcmchain.fmu.doctor.rules import head, icons, structure, terminals, variables
-from lcmchain.fmu.doctor.rules.rule import RULES, Broken, Rule, broken_rules
+from lcmchain.fmu.doctor.rules import head, icons, structure, variables
+from lcmchain.fmu.doctor.rules.interface import RULES, Broken, Rule, broken_rules
 
 __all__ = [
     "RULES",
@@ -15,6 +15,5 @@ __all__ = [
     "head",
     "icons",
     "structure",
-    "terminals",
     "variables",
 ]

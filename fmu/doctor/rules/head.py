@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from lcmchain.fmu.doctor.rules.interface import Interface, flag, number, repeated
-from lcmchain.fmu.doctor.rules.rule import rule
+from lcmchain.fmu.doctor.rules.interface import Interface, flag, number, repeated, rule
 
 #: Abilities that need another one: FMI 2.0.5, 3.3.1 and 4.3.1; FMI 3.0.2, 2.4.2 and 4.4.
 IMPLIED = {

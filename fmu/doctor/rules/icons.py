@@ -10,8 +10,7 @@ from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.description import ICONS_FOLDER
 from lcmchain.errors import shortened
-from lcmchain.fmu.doctor.rules.interface import Interface, number
-from lcmchain.fmu.doctor.rules.rule import rule
+from lcmchain.fmu.doctor.rules.interface import Interface, number, rule
 from lcmchain.fmu.icons import ICON_OF_FMI2
 
 _PNG = b"\x89PNG\r\n\x1a\n"

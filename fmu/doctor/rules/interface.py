@@ -1,12 +1,15 @@
-"""A model description as the rules read it: FMI 2.0 and 3.0 alike, defaults filled in."""
+"""A rule of the standard, and a model description as rules read it.
+
+FMI 2.0 and 3.0 are read alike, and defaults are filled in.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 from xml.etree.ElementTree import Element
 
 Key = TypeVar("Key", str, int)
@@ -153,29 +156,29 @@ class Interface:
         if not self.is_three:
             name = {"ContinuousStateDerivative": "Derivative"}.get(kind, kind)
             path = f"ModelStructure/{name}s/Unknown"
-        found = []
+        entries = []
         for element in self.root.findall(path):
             dependencies, kinds = element.get("dependencies"), element.get("dependenciesKind")
-            found.append(
+            entries.append(
                 Unknown(
                     whole(element.get("valueReference" if self.is_three else "index")),
                     None if dependencies is None else tuple(map(whole, dependencies.split())),
                     None if kinds is None else tuple(kinds.split()),
                 )
             )
-        return found
+        return entries
 
     @property
     def states(self) -> dict[int, Entry]:
         """Continuous states by their numbers: those whose derivatives the structure lists."""
-        found = {}
+        by_number = {}
         for unknown in self.unknowns("ContinuousStateDerivative"):
             entry = self.known(unknown.of)
             if entry is not None and "derivative" in entry.attributes:
                 state = self.known(whole(entry.attributes["derivative"]))
                 if state is not None:
-                    found[self.key(state)] = state
-        return found
+                    by_number[self.key(state)] = state
+        return by_number
 
     def _type(self, element: Element) -> tuple[str, dict[str, str], tuple[Element, ...]]:
         """Return kind, attributes and items of a declared type."""
@@ -245,3 +248,54 @@ def whole(text: str | None) -> int:
         return int(text or "")
     except ValueError:
         return -1
+
+
+# --- rules ----------------------------------------------------------------------------------------
+
+
+#: What is wrong by a rule, a sentence each.
+Check = Callable[[Interface], Iterator[str]]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule: ``asks`` is what the standard wants, ``source`` where it says so."""
+
+    name: str
+    asks: str
+    source: str
+    check: Check
+
+
+class Broken(NamedTuple):
+    """A rule that a description breaks, and how, a sentence each."""
+
+    rule: Rule
+    how: tuple[str, ...]
+
+
+#: All rules by name, in the order in which they are told.
+RULES: dict[str, Rule] = {}
+
+
+def rule(name: str, asks: str, source: str) -> Callable[[Check], Check]:
+    """Register a check as the rule of this name."""
+
+    def register(check: Check) -> Check:
+        RULES[name] = Rule(name, asks, source, check)
+        return check
+
+    return register
+
+
+def broken_rules(
+    root: Element, terminals: Element | None = None, folder: Path | None = None
+) -> list[Broken]:
+    """Return the rules that a model description of FMI 2.0 or 3.0 breaks; empty if it keeps all.
+
+    terminals : what describes the terminals of the unit, if it has them.
+    folder : where the unit is unpacked; without it no pictures are looked at.
+    """
+    interface = Interface(root, terminals, folder)
+    found = (Broken(one, tuple(one.check(interface))) for one in RULES.values())
+    return [broken for broken in found if broken.how]

@@ -1,11 +1,11 @@
-"""Rules of the model structure: lists that are complete, dependencies that exist."""
+"""Rules of the model structure and of terminals: complete lists, variables that exist."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from xml.etree.ElementTree import Element
 
-from lcmchain.fmu.doctor.rules.interface import INITIAL, Entry, Interface, Unknown, repeated
-from lcmchain.fmu.doctor.rules.rule import rule
+from lcmchain.fmu.doctor.rules.interface import INITIAL, Entry, Interface, Unknown, repeated, rule
 
 LISTS = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
 _KINDS = ("dependent", "constant", "fixed", "tunable", "discrete")
@@ -89,17 +89,17 @@ def dependencies(interface: Interface) -> Iterator[str]:
 
 def _dependency_problems(interface: Interface, unknown: Unknown, name: str) -> Iterator[str]:
     """Yield what is wrong with the dependencies of an unknown."""
-    found = unknown.dependencies or ()
-    known = [interface.known(key) for key in found]
+    dependencies = unknown.dependencies or ()
+    known = [interface.known(key) for key in dependencies]
     if None in known:
-        absent = next(key for key, entry in zip(found, known, strict=True) if entry is None)
+        absent = next(key for key, entry in zip(dependencies, known, strict=True) if entry is None)
         yield f"depends on {absent}, which no variable is"
-    for key in repeated(found):
+    for key in repeated(dependencies):
         yield f"depends on {interface.known(key)} twice"
     if unknown.kinds is not None:
         allowed = _INITIAL_KINDS if name == "InitialUnknown" else _KINDS
-        if unknown.dependencies is None or len(unknown.kinds) != len(found):
-            yield f"has {len(unknown.kinds)} kinds of {len(found)} dependencies"
+        if unknown.dependencies is None or len(unknown.kinds) != len(dependencies):
+            yield f"has {len(unknown.kinds)} kinds of {len(dependencies)} dependencies"
         elif not set(unknown.kinds) <= set(allowed):
             yield f"has a kind of dependency other than {', '.join(allowed)}"
     for entry in known:
@@ -147,3 +147,71 @@ def _differences(
             yield f"{named} {wrong}" if named is not None else f"no variable is {key}"
     for key in repeated(places):
         yield f"{interface.known(key)} stands there more than once"
+
+
+# --- terminals (FMI 3.0), which are described in a file of their own ------------------------------
+
+
+#: Rules of matching that the standard defines; those of others have a name with dots.
+MATCHING = ("plug", "bus", "sequence", "none")
+FLOWS = ("inflow", "outflow")
+#: Causalities of what a terminal exchanges.
+EXCHANGED = ("input", "output", "parameter", "calculatedParameter")
+
+
+@rule(
+    "terminals",
+    "terminals with names of their own and a rule of matching; members that are inputs, outputs or "
+    "parameters, with names of their own where they are matched by name; one flow beside stream "
+    "members",
+    "FMI 3.0.2, 2.4.9",
+)
+def terminals(interface: Interface) -> Iterator[str]:
+    root = interface.terminals
+    if root is None:
+        return
+    if root.tag != "fmiTerminalsAndIcons":
+        yield f"the file describes <{root.tag[:40]}>"
+        return
+    if not root.get("fmiVersion", "").startswith("3."):
+        yield f'the file is of FMI "{root.get("fmiVersion", "")[:20]}"'
+    yield from _level(interface, root.findall("Terminals/Terminal"), "")
+
+
+def _level(interface: Interface, listed: list[Element], outer: str) -> Iterator[str]:
+    for name in repeated(element.get("name", "") for element in listed):
+        yield f'"{outer}{name}" stands twice'
+    for element in listed:
+        name = outer + element.get("name", "")
+        matching = element.get("matchingRule", "")
+        if matching not in MATCHING and "." not in matching:
+            yield f'{name} has the rule "{matching[:40]}"'
+        yield from _members(interface, element, name, matching)
+        yield from _level(interface, element.findall("Terminal"), f"{name}.")
+
+
+def _members(interface: Interface, element: Element, name: str, matching: str) -> Iterator[str]:
+    members = element.findall("TerminalMemberVariable")
+    streams = element.findall("TerminalStreamMemberVariable")
+    if matching in ("plug", "bus"):
+        names = [member.get("memberName", "") for member in members]
+        names += [s.get(f"{way}StreamMemberName", "") for s in streams for way in ("in", "out")]
+        if not all(names):
+            yield f"{name} has a member without a name, which {matching} matches by"
+        for twice in repeated(filter(None, names)):
+            yield f'the member "{twice}" of {name} stands twice'
+    flows = sum(member.get("variableKind") in FLOWS for member in members)
+    if streams and flows > 1:
+        yield f"{name} has {flows} flows beside stream members"
+    used: list[tuple[str, tuple[str, ...]]] = [
+        (member.get("variableName", ""), EXCHANGED) for member in members
+    ]
+    for stream in streams:
+        used.append((stream.get("inStreamVariableName", ""), ("input", "parameter")))
+        used.append((stream.get("outStreamVariableName", ""), ("output", "calculatedParameter")))
+    for variable, allowed in used:
+        entry = interface.by_name.get(variable)
+        if entry is None:
+            yield f'{name} has the variable "{variable[:60]}", which there is not'
+        elif entry.causality not in allowed:
+            yield f"{name} has {variable}, which is {entry.causality}"

@@ -15,9 +15,9 @@ from lcmchain.fmu.doctor.rules.interface import (
     flag,
     number,
     repeated,
+    rule,
     whole,
 )
-from lcmchain.fmu.doctor.rules.rule import rule
 
 #: Numbers that whole types hold, by the name of the type.
 _RANGES = {
@@ -149,12 +149,12 @@ def limits(interface: Interface) -> Iterator[str]:
     "FMI 2.0.5, 2.2.7; FMI 3.0.2, 2.4.7.4",
 )
 def independent(interface: Interface) -> Iterator[str]:
-    found = [entry for entry in interface.variables if entry.causality == "independent"]
-    if len(found) > 1:
-        yield f"{' and '.join(map(str, found[:3]))} are independent"
-    if not found and interface.is_three:
+    entries = [entry for entry in interface.variables if entry.causality == "independent"]
+    if len(entries) > 1:
+        yield f"{' and '.join(map(str, entries[:3]))} are independent"
+    if not entries and interface.is_three:
         yield "no variable is independent"
-    for entry in found:
+    for entry in entries:
         if not entry.is_real:
             yield f"the independent {entry} is {entry.kind}"
 
@@ -368,9 +368,9 @@ def _size(interface: Interface, dimension: dict[str, str]) -> int | str:
     "FMI 3.0.2, 2.2.8 and 2.4.4",
 )
 def clocks(interface: Interface) -> Iterator[str]:
-    found = [entry for entry in interface.variables if entry.kind == "Clock"]
+    entries = [entry for entry in interface.variables if entry.kind == "Clock"]
     scheduled = interface.root.find("ScheduledExecution") is not None
-    for entry in found:
+    for entry in entries:
         yield from (f"the clock {entry} {what}" for what in _clock_problems(interface, entry))
         has_priority = interface.effective(entry, "priority") is not None
         if scheduled and entry.causality == "input" and not has_priority:
@@ -378,7 +378,7 @@ def clocks(interface: Interface) -> Iterator[str]:
         if has_priority and entry.causality == "output":
             yield f"the output clock {entry} has a priority"
     together = interface.root.find("CoSimulation")
-    if found and together is not None and not flag(together, "hasEventMode"):
+    if entries and together is not None and not flag(together, "hasEventMode"):
         yield "the unit has clocks, but not hasEventMode"
     for entry in interface.variables:
         texts = entry.attributes.get("clocks", "").split()

@@ -86,7 +86,7 @@ def test_a_result_file_that_was_cut_off_is_told(tmp_path, kept):
 
 def test_a_broken_block_is_told_by_its_line(tmp_path):
     (tmp_path / "a.frd").write_text(FRD.replace("-5.00000E-10", "-5.00q00E-10"))
-    with pytest.raises(InputError, match="block at line 8 is none of a CalculiX result"):
+    with pytest.raises(InputError, match="block at line 8 is no block of a CalculiX result"):
         read_displacements(tmp_path / "a.frd")
 
 

@@ -1,4 +1,4 @@
-"""Measures by which two forming results are compared, and one with its mirror image."""
+"""Measures of a formed hemisphere: two results compared, and one with its mirror image."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from lcmchain.fields.sheet import (
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 # four elements beyond the end of the die fillet at 87 mm
 FLANGE_RADIUS = 0.105

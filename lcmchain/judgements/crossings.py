@@ -1,9 +1,9 @@
-"""Where a sheet passes through itself: no contact keeps its faces apart, and nothing else tells.
+"""Where a sheet passes through itself, since without contact nothing keeps its faces apart.
 
-Two signs are looked for in a saved state, between faces and what they do not share a node with: an
-edge that crosses a face, and a node that lies over a face nearer than half the thickness (its sheet
-is then in that face's sheet by half a thickness at least). The second finds lips of a cut that
-slide over each other in one plane, where no edge crosses anything.
+Two signs are searched for in a saved state, between faces and edges or nodes that are not theirs.
+One is an edge that crosses a face. The other is a node that lies over a face nearer than half the
+thickness: its sheet is then in that face's sheet by at least half a thickness. The second sign
+finds the lips of a cut that slide over each other in one plane, where no edge crosses anything.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -
     corners = positions[triangles]
     centres = corners.mean(axis=1)
     reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
-    found = np.zeros(len(faces), dtype=bool)
+    crossed = np.zeros(len(faces), dtype=bool)
 
     used = np.unique(faces)
     tree = cKDTree(positions[used])
@@ -73,7 +73,7 @@ def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -
             foreign = (faces[owner[which]] != node[:, None]).all(axis=1)
             which, node = which[foreign], node[foreign]
             inside = _lies_in(corners[which], positions[node], INSIDE * thickness)
-            found[owner[which[inside]]] = True
+            crossed[owner[which[inside]]] = True
 
     sides = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     edges = np.unique(np.sort(sides[sides[:, 0] != sides[:, 1]], axis=1), axis=0)
@@ -84,8 +84,8 @@ def crossing_faces(positions: np.ndarray, faces: np.ndarray, thickness: float) -
         own = faces[owner[which]]
         foreign = (own[:, :, None] != edges[edge][:, None, :]).all(axis=(1, 2))
         which, edge = which[foreign], edge[foreign]
-        found[owner[which[_crosses(corners[which], ends[edge])]]] = True
-    return found
+        crossed[owner[which[_crosses(corners[which], ends[edge])]]] = True
+    return crossed
 
 
 def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
