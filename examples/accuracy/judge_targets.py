@@ -1,11 +1,12 @@
-"""Do wishes and budgets choose well? Ten scenes of unlike kind, judged by targets.
+"""Do requirements and budgets choose well? Ten scenes of unlike kind, judged by targets.
 
     python examples/accuracy/judge_targets.py [--out DIR] [--table F.md] [--only NAME ...]
 
-Each scene is run as ``lcmchain run SCENE --within WISH`` and ``--budget TIME`` would run it. What
+Each scene is run as ``lcmchain run SCENE --within ERRORS`` and ``--budget TIME`` would run it. What
 its run is truly off by is its distance from one reference, on a finer mesh and in a slower process.
-Meshes and settings around it tell which of them is the cheapest that keeps the wish, and which has
-the least error within the budget. Settings count only if they make no check of the program worse.
+Meshes and settings around it tell which of them is the cheapest that meets the requirement, and
+which has the least error within the budget. Settings count only if they make no check of the
+program worse.
 
 Time is counted, not measured, so that the table is the same on any machine: elements times steps,
 and what a step costs beside them. Results that lie in the folder already are taken from there; from
@@ -28,7 +29,7 @@ import numpy as np
 from lcmchain.check.expected_cost import estimate_run
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.study.choice import Choice, Wish, mm, read_wish
+from lcmchain.study.choice import Choice, Requirement, mm, read_requirement
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.outcome import Outcome
@@ -45,11 +46,11 @@ COUNTS = (14, 17, 20, 24, 28, 34, 40)
 COARSER = 1.6
 #: The largest error of the chosen run over the least within a budget is judged for these.
 OF_BUDGET = ("shear_angle", "thickness")
-#: Targets: scenes of which the true error is inside the wish, the median of the stated error over
-#: the true one, the cost over that of the cheapest, and errors over the least within a budget.
+#: Targets: scenes of which the true error is inside the requirement, the median of the stated error
+#: over the true one, the cost over that of the cheapest, and errors over the least within a budget.
 LEAST_KEPT, MOST_CAREFUL, MOST_COST, MOST_OF_LEAST = 0.9, 3.0, 1.5, 1.5
 
-HEAD = """# Wishes and budgets: targets
+HEAD = """# Requirements and budgets: targets
 
 Written by `python examples/accuracy/judge_targets.py --table FILE.md`
 ([Studies](study.md#let-the-program-choose)): {count} scenes; *m* marks moulds that close on the
@@ -58,7 +59,7 @@ of 40 elements along the blank (64 of the cone with holder, the box and the rota
 process 1.5 (2) times as slow. Time is counted in elements and steps, so that it is the same on
 any machine; the cheapest run is that of the settings around it (meshes from 14 elements along
 the blank on, coarser than the reference by 1.6 at least; inertia and softer fibres) which takes
-least of those that keep the wish and make no check of the program worse. Where a wish is missed
+least of those that meet the requirement and make no check of the program worse. Where it is missed
 and a finer mesh is run, the time is that of all these runs. Estimates and choice were developed
 on the cone with holder, the box, the rotated blank and the two domes; the others were kept
 aside. Two rules came after all of them had been seen: a pace that was found is made faster where
@@ -102,7 +103,7 @@ THICKNESS = {"MD600": 1.004, "glass-plain-600": 0.715}
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with its wish and budget.
+    """A scene with its requirement and budget.
 
     Parameters
     ----------
@@ -321,8 +322,8 @@ def expected(source: Any, variant: Variant) -> float:
 class CountingChooser(Chooser):
     """A chooser whose runs take the time that is counted for them."""
 
-    def __init__(self, text: SceneText, folder: Path, wish: Wish) -> None:
-        super().__init__(text, folder, wish, threads=1)
+    def __init__(self, text: SceneText, folder: Path, requirement: Requirement) -> None:
+        super().__init__(text, folder, requirement, threads=1)
         self.study = CountedStudy(text, folder, Workers(1, 1))
 
     def _begin(self, edge: float) -> Beginning:
@@ -342,9 +343,9 @@ class Setting:
     seconds: float
     counts: bool
 
-    def keeps(self, wish: Wish) -> bool:
-        """Tell whether its true errors are inside a wish."""
-        return all(self.errors[name] <= most for name, most in wish.errors.items())
+    def keeps(self, requirement: Requirement) -> bool:
+        """Tell whether its true errors are inside a requirement."""
+        return all(self.errors[name] <= most for name, most in requirement.errors.items())
 
 
 class Judged:
@@ -355,8 +356,8 @@ class Judged:
         self.folder = out / name.replace(" ", "_")
         self.text = scene_of(name, self.folder)
         self.scene = self.text.scene()
-        self.wish = read_wish(self.case.within, None)
-        self.budget = read_wish(None, self.case.budget)
+        self.requirement = read_requirement(self.case.within, None)
+        self.budget = read_requirement(None, self.case.budget)
         self.study = CountedStudy(self.text, self.folder, Workers(1, 1))
         width, height = self.scene.blank.extent
         self.size = math.sqrt(width * height)
@@ -399,9 +400,9 @@ class Judged:
         counts &= not outcome.worse_than(own)
         return Setting(name, errors, outcome.seconds, counts)
 
-    def chosen(self, wish: Wish) -> tuple[Choice, Outcome, Setting]:
-        """Return what is chosen for a wish, its run, and what that is truly off by."""
-        chooser = CountingChooser(self.text, self.folder, wish)
+    def chosen(self, requirement: Requirement) -> tuple[Choice, Outcome, Setting]:
+        """Return what is chosen for a requirement, its run, and what that is truly off by."""
+        chooser = CountingChooser(self.text, self.folder, requirement)
         made: list[Outcome] = []
 
         def make(choice: Choice) -> Outcome:
@@ -414,23 +415,23 @@ class Judged:
         return choice, made[-1], self.setting(name, made[-1], own)
 
 
-def judge_wish(judged: Judged) -> dict[str, Any]:
-    """Return how a scene keeps its wish, and what of the time that takes was needed."""
-    choice, outcome, chosen = judged.chosen(judged.wish)
-    wished = judged.wish.errors
-    keeping = [s for s in (*judged.grid, chosen) if s.counts and s.keeps(judged.wish)]
+def judge_requirement(judged: Judged) -> dict[str, Any]:
+    """Return how a scene meets its requirement, and what of the time that takes was needed."""
+    choice, outcome, chosen = judged.chosen(judged.requirement)
+    required = judged.requirement.errors
+    keeping = [s for s in (*judged.grid, chosen) if s.counts and s.keeps(judged.requirement)]
     cheapest = min(keeping, key=lambda s: s.seconds, default=None)
-    runs = choice.seconds - choice.pilot_seconds  # some of which may have missed the wish
+    runs = choice.seconds - choice.pilot_seconds  # some of which may have missed the requirement
     return {
         "scene": judged.name + judged.case.marks,
-        "wish": judged.case.within,
+        "requirement": judged.case.within,
         "chosen": chosen.name,
-        "stated": {q: choice.found.get(q, math.inf) for q in wished},
-        "true": {q: chosen.errors[q] for q in wished},
-        "kept": chosen.keeps(judged.wish) and chosen.counts,
+        "stated": {q: choice.found.get(q, math.inf) for q in required},
+        "true": {q: chosen.errors[q] for q in required},
+        "kept": chosen.keeps(judged.requirement) and chosen.counts,
         "told": choice.kept,
         "worse": chosen.counts,
-        "careful": [choice.found.get(q, math.inf) / chosen.errors[q] for q in wished],
+        "careful": [choice.found.get(q, math.inf) / chosen.errors[q] for q in required],
         "cheapest": "-" if cheapest is None else cheapest.name.removeprefix("pilot "),
         "cost": math.inf if cheapest is None else runs / cheapest.seconds,
         "pilots": choice.pilot_seconds / outcome.seconds,
@@ -464,9 +465,9 @@ def texts(errors: Mapping[str, float]) -> str:
     return ", ".join(BY_NAME[name].text(error) for name, error in errors.items())
 
 
-def row_of_wish(of: Mapping[str, Any]) -> list[str]:
+def row_of_requirement(of: Mapping[str, Any]) -> list[str]:
     return [
-        of["scene"], of["wish"], of["chosen"], texts(of["stated"]), texts(of["true"]),
+        of["scene"], of["requirement"], of["chosen"], texts(of["stated"]), texts(of["true"]),
         "yes" if of["kept"] else "no", "yes" if of["told"] else "no",
         f"{statistics.median(of['careful']):.1f}", of["cheapest"], f"{of['cost']:.2f}",
         f"{of['pilots']:.1f}",
@@ -481,9 +482,9 @@ def row_of_budget(of: Mapping[str, Any]) -> list[str]:
     ]  # fmt: skip
 
 
-OF_WISH = (
-    "scene", "wish", "chosen", "stated error", "true error", "inside", "told so", "stated / true",
-    "cheapest that keeps it", "time / its time", "pilots / run",
+OF_REQUIREMENT = (
+    "scene", "requirement", "chosen", "stated error", "true error", "inside", "told so",
+    "stated / true", "cheapest that keeps it", "time / its time", "pilots / run",
 )  # fmt: skip
 OF_BUDGETS = (
     "scene", "budget", "chosen", "spent", "true error (shear angle, thickness)", "least within it",
@@ -496,26 +497,26 @@ def table(head: tuple[str, ...], rows: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
-def targets(wishes: list[dict[str, Any]], budgets: list[dict[str, Any]]) -> tuple[str, bool]:
+def targets(requirements: list[dict[str, Any]], budgets: list[dict[str, Any]]) -> tuple[str, bool]:
     """Return the table of the targets, and whether all of them are met."""
-    kept = [of["kept"] for of in wishes]
-    careful = statistics.median([ratio for of in wishes for ratio in of["careful"]])
-    cost = [of["cost"] <= MOST_COST for of in wishes if of["kept"]]
+    kept = [of["kept"] for of in requirements]
+    careful = statistics.median([ratio for of in requirements for ratio in of["careful"]])
+    cost = [of["cost"] <= MOST_COST for of in requirements if of["kept"]]
     over = [max(of["over"].values()) <= MOST_OF_LEAST for of in budgets]
-    middle = statistics.median([of["cost"] for of in wishes])
+    middle = statistics.median([of["cost"] for of in requirements])
     met = [
         sum(kept) >= LEAST_KEPT * len(kept), careful <= MOST_CAREFUL,
         middle <= MOST_COST, sum(over) >= LEAST_KEPT * len(over),
     ]  # fmt: skip
     rows = [
         [
-            "true error inside the wish, no check worse",
+            "true error inside the requirement, no check worse",
             "nine of ten",
             f"{sum(kept)} of {len(kept)}",
         ],
         ["stated over true error, median", f"at most {MOST_CAREFUL:g}", f"{careful:.2g}"],
         [
-            "time over that of the cheapest that keeps the wish, median",
+            "time over that of the cheapest that meets the requirement, median",
             f"at most {MOST_COST:g}",
             f"{middle:.2g}; {sum(cost)} of {len(cost)} at most {MOST_COST:g}",
         ],
@@ -529,13 +530,13 @@ def targets(wishes: list[dict[str, Any]], budgets: list[dict[str, Any]]) -> tupl
     return table(("judged", "target", "found", "met"), rows), all(met)
 
 
-def page(wishes: list[dict[str, Any]], budgets: list[dict[str, Any]]) -> tuple[str, bool]:
+def page(requirements: list[dict[str, Any]], budgets: list[dict[str, Any]]) -> tuple[str, bool]:
     """Return the page of the manual, and whether all targets are met."""
-    judgement, good = targets(wishes, budgets)
+    judgement, good = targets(requirements, budgets)
     parts = [
-        HEAD.format(count=len(wishes)),
+        HEAD.format(count=len(requirements)),
         judgement,
-        table(OF_WISH, [row_of_wish(of) for of in wishes]),
+        table(OF_REQUIREMENT, [row_of_requirement(of) for of in requirements]),
         table(OF_BUDGETS, [row_of_budget(of) for of in budgets]),
     ]
     return "\n".join(parts), good
@@ -547,14 +548,16 @@ def main() -> int:
     parser.add_argument("--table", type=Path, help="Markdown file to write")
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args()
-    wishes, budgets = [], []
+    requirements, budgets = [], []
     for name in arguments.only:
         judged = Judged(name, arguments.out)
-        wishes.append(judge_wish(judged))
-        print(" | ".join(row_of_wish(wishes[-1])), wishes[-1]["notes"], flush=True)
+        requirements.append(judge_requirement(judged))
+        print(
+            " | ".join(row_of_requirement(requirements[-1])), requirements[-1]["notes"], flush=True
+        )
         budgets.append(judge_budget(judged))
         print(" | ".join(row_of_budget(budgets[-1])), budgets[-1]["best"], flush=True)
-    text, good = page(wishes, budgets)
+    text, good = page(requirements, budgets)
     print(text)
     if arguments.table is not None:
         arguments.table.write_text(text, encoding="utf-8")

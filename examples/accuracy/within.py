@@ -1,9 +1,9 @@
-"""Do runs keep the errors that were wished for, and the time? Five scenes, against fine runs.
+"""Do runs keep the errors that were required, and the time? Five scenes, against fine runs.
 
     python examples/accuracy/within.py [--out DIR] [--table F.md] [--threads N] [--only NAME ...]
 
-Each scene is run as `lcmchain run SCENE --within WISH` would run it, and then on a mesh with edges
-shorter by 0.6; what both differ by is the true error, up to that of the fine run. The same scenes
+Each scene is run as `lcmchain run SCENE --within ERRORS` would run it, and then on a mesh with
+edges shorter by 0.6; what both differ by is the true error, up to that of the fine run. The same scenes
 are run with `--budget`. None of them was used to make the choice of settings: other tools, sizes,
 fabrics and fibre angles than the hemispheres, with and without holder. Results that lie in the
 folder already are taken from there.
@@ -15,7 +15,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from lcmchain.study.choice import mm, read_wish
+from lcmchain.study.choice import mm, read_requirement
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, differences
 from lcmchain.study.runs import Study, Workers
@@ -27,11 +27,11 @@ from with_time import entries_with_time
 HERE = Path(__file__).resolve().parent
 FINER = 0.6  # edges of the fine run, by those that were chosen
 
-HEAD = """# Wishes and what became of them
+HEAD = """# Requirements and what became of them
 
-Written by `python examples/accuracy/within.py --table FILE.md`: five scenes, each with a wish
-(`--within`) and with a time (`--budget`). The true error is what the run differs by from one with
-edges shorter by 0.6.
+Written by `python examples/accuracy/within.py --table FILE.md`: five scenes, each with errors that
+it may have (`--within`) and with a time (`--budget`). The true error is what the run differs by
+from one with edges shorter by 0.6.
 
 """
 
@@ -93,7 +93,7 @@ def scene(name: str) -> SceneText:
     return SceneText(text.format(title=name, **values), path, overrides)
 
 
-WISHES = {
+REQUIREMENTS = {
     "small sphere, no holder": ("3 deg shear, 2 % thickness", "10 s"),
     "rectangular blank at 45°": ("2 deg shear, 2 % thickness", "20 s"),
     "shallow dome at 30°": ("1 deg shear, 1 % thickness", "20 s"),
@@ -107,12 +107,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/within"))
     parser.add_argument("--table", type=Path, help="Markdown file to write")
     parser.add_argument("--threads", type=int, default=None)
-    parser.add_argument("--only", nargs="+", choices=WISHES, default=list(WISHES))
+    parser.add_argument("--only", nargs="+", choices=REQUIREMENTS, default=list(REQUIREMENTS))
     arguments = parser.parse_args()
     lines = [
-        "| scene | wish | chosen | estimated | true error | of the wish | solver time | pilots |",
+        "| scene | requirement | chosen | estimated | true error | of what is allowed "
+        "| solver time | pilots |",
         "|---|---|---|---|---|---:|---:|---:|",
-        *(kept_wish(arguments, name) for name in arguments.only),
+        *(kept_requirement(arguments, name) for name in arguments.only),
         "",
         "| scene | budget | solver time | of the budget | chosen |",
         "|---|---:|---:|---:|---|",
@@ -124,11 +125,11 @@ def main() -> None:
         arguments.table.write_text(text, encoding="utf-8")
 
 
-def kept_wish(arguments, name: str) -> str:
-    """Run a scene within its wish and then finely, and return the row of the table."""
-    text, wish = scene(name), read_wish(WISHES[name][0], None)
+def kept_requirement(arguments, name: str) -> str:
+    """Run a scene within its requirement and then finely, and return the row of the table."""
+    text, requirement = scene(name), read_requirement(REQUIREMENTS[name][0], None)
     folder = arguments.out / name.replace(" ", "_")
-    chooser = Chooser(text, folder, wish, threads=arguments.threads)
+    chooser = Chooser(text, folder, requirement, threads=arguments.threads)
     study = Study(text, folder, Workers(1, arguments.threads))
     last = None
 
@@ -145,13 +146,13 @@ def kept_wish(arguments, name: str) -> str:
         entries.append(f'process.time="{1e3 * time:.9g} ms"')
     fine = study.outcome(Variant(f"finer than {mm(choice.edge_length)}", "within", tuple(entries)))
     true = differences(last, fine)
-    part = max(true[q].typical / allowed for q, allowed in wish.errors.items())
+    part = max(true[q].typical / allowed for q, allowed in requirement.errors.items())
     row = [
         name,
-        WISHES[name][0],
+        REQUIREMENTS[name][0],
         ", ".join([mm(choice.edge_length), *choice.settings.in_words()]),
-        ", ".join(BY_NAME[q].text(choice.found[q]) for q in wish.errors),
-        ", ".join(BY_NAME[q].text(true[q].typical) for q in wish.errors),
+        ", ".join(BY_NAME[q].text(choice.found[q]) for q in requirement.errors),
+        ", ".join(BY_NAME[q].text(true[q].typical) for q in requirement.errors),
         f"{part:.2f}",
         f"{choice.seconds:.1f} s",
         f"{choice.pilot_seconds:.1f} s",
@@ -162,9 +163,9 @@ def kept_wish(arguments, name: str) -> str:
 
 def kept_budget(arguments, name: str) -> str:
     """Run a scene within its budget, and return the row of the table."""
-    text, wish = scene(name), read_wish(None, WISHES[name][1])
+    text, requirement = scene(name), read_requirement(None, REQUIREMENTS[name][1])
     folder = arguments.out / f"{name.replace(' ', '_')}_budget"
-    chooser = Chooser(text, folder, wish, threads=arguments.threads)
+    chooser = Chooser(text, folder, requirement, threads=arguments.threads)
     study = Study(text, folder, Workers(1, arguments.threads))
 
     def make(chosen):
@@ -173,9 +174,9 @@ def kept_budget(arguments, name: str) -> str:
     choice = chooser.run(make)
     row = [
         name,
-        WISHES[name][1],
+        REQUIREMENTS[name][1],
         f"{choice.seconds:.1f} s",
-        f"{choice.seconds / wish.budget:.2f}",
+        f"{choice.seconds / requirement.budget:.2f}",
         mm(choice.edge_length),
     ]
     print(row, flush=True)

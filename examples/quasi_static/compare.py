@@ -135,7 +135,7 @@ def mould(out: Path) -> Path:
 
 
 def box(out: Path) -> Path:
-    """Write the punch and the scene of the box that wishes are judged on; return its file."""
+    """Write the punch and the scene of the box that requirements are judged on; return its file."""
     sys.path.insert(0, str(EXAMPLES / "accuracy"))
     from judge_targets import scene_of  # type: ignore[import-not-found]
 

@@ -253,14 +253,14 @@ def run_chosen(
     strict: bool,
     quiet: bool,
 ) -> None:
-    """Run a scene with the settings that keep a wish, and say what was chosen and why.
+    """Run a scene with the settings that meet a requirement, and say what was chosen and why.
 
     Raises
     ------
-    InputError : a wish that cannot be read, ``--resume``, or wrong input.
+    InputError : a requirement that cannot be read, ``--resume``, or wrong input.
     SimulationInterrupted : Ctrl-C; the pilots are kept.
     """
-    from lcmchain.study.choice import read_wish
+    from lcmchain.study.choice import read_requirement
     from lcmchain.study.sources import SceneText
 
     if resume:
@@ -268,7 +268,7 @@ def run_chosen(
             "a run whose settings are chosen starts anew (its pilots are kept); leave it out",
             key="--resume",
         )
-    wish = read_wish(within, budget)
+    requirement = read_requirement(within, budget)
     text = SceneText.from_file(path, tuple(overrides), model)
     text.scene()
     with output_folder(out or default_out(path), inputs=[path]) as folder:
@@ -291,8 +291,8 @@ def run_chosen(
                 return outcome_of(result.datasets, result.summary, scene)
 
             chooser = Chooser(
-                text, folder / ".lcmchain" / "pilots", wish, threads=threads, progress=progress,
-                announce=(lambda _: None) if quiet else say,
+                text, folder / ".lcmchain" / "pilots", requirement, threads=threads,
+                progress=progress, announce=(lambda _: None) if quiet else say,
             )  # fmt: skip
             choice = chooser.run(make)
         assert result is not None
@@ -300,7 +300,7 @@ def run_chosen(
         write_summary(folder, result.summary)
     warnings = print_result(result.summary, folder, quiet=quiet)
     if not quiet:
-        say(f"Wished: {choice.wish}. Chosen: {choice.settings_in_words()}")
+        say(f"Required: {choice.requirement}. Chosen: {choice.settings_in_words()}")
         say(choice.in_words())
     notes = [*choice.notes, *([] if choice.kept else [choice.missed()])]
     for note in notes:

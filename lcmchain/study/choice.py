@@ -1,9 +1,9 @@
-"""The choice of mesh, settings and time for a run that has to keep a wish, from pilots.
+"""The choice of mesh, settings and time for a run that has to meet a requirement, from pilots.
 
 The expected error of a choice has two parts. One is that of the mesh, by the law that the meshes of
 pilots follow (:mod:`lcmchain.study.convergence`). The other is what cheaper settings change,
 measured on a coarse mesh. Both are independent, so that their squares add up. Of the choices that
-keep the wish the quickest is taken.
+meet the requirement the quickest is taken.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from lcmchain.study.comparison import BY_NAME, QUANTITIES, Quantity
 from lcmchain.study.convergence import Convergence, Level, expected_seconds
 from lcmchain.study.step_settings import AS_IT_IS, Candidate, StepSettings
 
-# --- what a user wishes of a run ------------------------------------------------------------------
+# --- what a user requires of a run ----------------------------------------------------------------
 
 
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_WISH = re.compile(rf"\s*({_NUMBER})\s*(%|°|[A-Za-z]+)\s+(?:of\s+|in\s+)?(.+?)\s*", re.ASCII)
+_ERROR = re.compile(rf"\s*({_NUMBER})\s*(%|°|[A-Za-z]+)\s+(?:of\s+|in\s+)?(.+?)\s*", re.ASCII)
 _DIMENSIONS = {"°": ANGLE, "mm": LENGTH}
 #: What a forming run has: no clamps.
-WISHED = tuple(quantity for quantity in QUANTITIES if quantity.name != "clamp_force")
+REQUIRED = tuple(quantity for quantity in QUANTITIES if quantity.name != "clamp_force")
 
 
 @dataclass(frozen=True)
-class Wish:
+class Requirement:
     """Errors allowed, by the names of ``QUANTITIES`` in SI or as parts, and solver time [s]."""
 
     errors: Mapping[str, float] = field(default_factory=dict)
     budget: float | None = None
 
     def in_words(self) -> str:
-        """Return the wish as a text."""
+        """Return the requirement as a text."""
         told = [
             f"{q.text(self.errors[q.name])} {q.title}" for q in QUANTITIES if q.name in self.errors
         ]
@@ -47,7 +47,7 @@ class Wish:
         return ", ".join(told)
 
 
-def read_wish(within: str | None, budget: str | None) -> Wish:
+def read_requirement(within: str | None, budget: str | None) -> Requirement:
     """Read the options ``--within`` and ``--budget``.
 
     Raises
@@ -63,13 +63,13 @@ def read_wish(within: str | None, budget: str | None) -> Wish:
             raise InputError(str(error), key="--budget") from None
         if not seconds > 0.0:
             raise InputError(f"must be positive, is {budget}", key="--budget")
-    return Wish({} if within is None else _errors(within), seconds)
+    return Requirement({} if within is None else _errors(within), seconds)
 
 
 def _errors(text: str) -> dict[str, float]:
     errors: dict[str, float] = {}
     for part in text.split(","):
-        match = _WISH.fullmatch(part)
+        match = _ERROR.fullmatch(part)
         if match is None:
             raise InputError(
                 f'"{part.strip()}" is not an error and what it is of; for example '
@@ -91,11 +91,11 @@ def _errors(text: str) -> dict[str, float]:
 
 def _quantity(words: str) -> Quantity:
     wanted = " ".join(words.lower().replace("_", " ").split())
-    for quantity in WISHED:
+    for quantity in REQUIRED:
         names = (quantity.title, quantity.name.replace("_", " "), quantity.short, *quantity.aliases)
         if wanted in (name.lower().replace("_", " ") for name in names):
             return quantity
-    known = ", ".join(quantity.title for quantity in WISHED)
+    known = ", ".join(quantity.title for quantity in REQUIRED)
     raise InputError(f'"{words}" is no quantity that runs are compared by; there is {known}',
                      key="--within")  # fmt: skip
 
@@ -124,7 +124,7 @@ def _value(number: str, unit: str, quantity: Quantity) -> float:
 # --- what is chosen -------------------------------------------------------------------------------
 
 
-#: Expected errors are to lie below the wish by this factor; laws have their own caution.
+#: Expected errors are to lie below the requirement by this factor; laws have their own caution.
 MARGIN = 0.95
 ROUNDING = 1e-6
 #: The time of a mesh that was begun may exceed what is planned by this factor: less than a tenth of
@@ -133,7 +133,7 @@ ABOUT = 1.06
 #: A budget counts as kept up to this factor: what a run takes is known before to about a tenth, and
 #: other work on the machine takes its part.
 OVER_BUDGET = 1.25
-#: Part of a wish that is left to the mesh at least.
+#: Part of a requirement that is left to the mesh at least.
 LEAST_ROOM = 0.2
 
 
@@ -143,7 +143,7 @@ class Choice:
 
     Parameters
     ----------
-    wish : in words. edge_length [m], settings : chosen; why : in words.
+    requirement : in words. edge_length [m], settings : chosen; why : in words.
     settings_errors : what the settings beside the mesh are off by, as measured, by quantity.
     expected : errors by quantity that pilots led to expect; found : estimated after the run.
     meshes : edge lengths that these are estimated by [m], the coarsest first; unstated : quantities
@@ -153,11 +153,11 @@ class Choice:
     expected_seconds : what everything was to take [s].
     budget : solver time that everything was allowed to take [s]; None for any.
     worse : checks of the program that the settings have made worse.
-    kept : whether the wish is kept by what was found, and the budget by the time that was taken.
+    kept : whether what was found meets the requirement, and the time that was taken the budget.
     notes : what a user should know.
     """
 
-    wish: str
+    requirement: str
     edge_length: float
     settings: StepSettings
     why: str
@@ -176,8 +176,9 @@ class Choice:
     notes: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for ``summary.json``."""
-        return asdict(self)
+        """Return plain values for ``summary.json``, where the requirement is the ``wish``."""
+        values = asdict(self)
+        return {"wish": values.pop("requirement"), **values}
 
     def settings_in_words(self) -> str:
         """Say what was chosen, and why."""
@@ -197,21 +198,22 @@ class Choice:
         ]
 
     def missed(self) -> str:
-        """Say that the wish is not kept, and what to do."""
+        """Say that the requirement is not met, and what to do."""
         if self.is_over_budget:
             return (
-                f"the wish, {self.wish}, is not kept: everything took {self.seconds:.3g} s of "
-                f"solver time; allow that with --budget, or make the scene cheaper"
+                f"the requirement, {self.requirement}, is not met: everything took "
+                f"{self.seconds:.3g} s of solver time; allow that with --budget, or make the scene "
+                "cheaper"
             )
         if self.worse:
             settings = " and ".join(self.settings.in_words())
             return (
-                f"the wish, {self.wish}, is not kept: {settings} made checks of the run worse "
-                f"({', '.join(self.worse)}); see the warnings and the report"
+                f"the requirement, {self.requirement}, is not met: {settings} made checks of the "
+                f"run worse ({', '.join(self.worse)}); see the warnings and the report"
             )
         return (
-            f"the wish, {self.wish}, is not kept by the errors that are estimated; wish for "
-            "less, allow more time, or look at lcmchain study accuracy"
+            f"the requirement, {self.requirement}, is not met by the errors that are estimated; "
+            "ask for less, allow more time, or look at lcmchain study accuracy"
         )
 
     def in_words(self) -> str:
@@ -300,16 +302,18 @@ class Knowledge:
         return high
 
 
-def choose(wish: Wish, candidates: Sequence[Candidate], known: Knowledge) -> tuple[Choice, float]:
-    """Return the quickest choice that keeps a wish, else the one that comes nearest to it.
+def choose(
+    requirement: Requirement, candidates: Sequence[Candidate], known: Knowledge
+) -> tuple[Choice, float]:
+    """Return the quickest choice that meets a requirement, else the one that comes nearest to it.
 
     Returns
     -------
-    The choice, and the largest expected error over what is wished.
+    The choice, and the largest expected error over what is required.
     """
     own = next((c.errors for c in candidates if c.settings == AS_IT_IS), {})
-    plans = [_plan(wish, candidate, known, own) for candidate in candidates]
-    if not wish.errors:
+    plans = [_plan(requirement, candidate, known, own) for candidate in candidates]
+    if not requirement.errors:
         return min(plans, key=lambda plan: _over_the_scene(plan[0], plans))
     keeping = [plan for plan in plans if plan[1] <= MARGIN * (1.0 + ROUNDING)]
     if keeping:
@@ -335,16 +339,16 @@ def _over_the_scene(choice: Choice, plans: Sequence[tuple[Choice, float]]) -> fl
 
 
 def _plan(
-    wish: Wish, candidate: Candidate, known: Knowledge, own: Mapping[str, float]
+    requirement: Requirement, candidate: Candidate, known: Knowledge, own: Mapping[str, float]
 ) -> tuple[Choice, float]:
-    """Return the coarsest mesh on which settings keep a wish, and the worst error over the wish.
+    """Return the coarsest mesh on which settings meet a requirement, and the worst error over it.
 
     Where an error is beyond every mesh, nothing is saved at its expense: the mesh is not coarser
     than the scene's, and its settings are to be off by no more than the scene's ``own``.
     """
     edge, why, notes = known.levels[0].edge, "the coarsest pilot will do", []
     given_up = []
-    for name, allowed in wish.errors.items():
+    for name, allowed in requirement.errors.items():
         title = BY_NAME[name].title
         if name not in known.laws:
             notes.append(f"the pilots tell nothing of the {title}")
@@ -364,9 +368,9 @@ def _plan(
         if needed < edge:
             edge, why = needed, f"the {title} needs edges of {mm(needed)}"
     if given_up and known.own_edge < edge:
-        edge, why = known.own_edge, "no mesh keeps the wish, and these are the scene's"
+        edge, why = known.own_edge, "no mesh meets the requirement, and these are the scene's"
     affordable = known.affordable(candidate)
-    if affordable > edge or (known.left is not None and not wish.errors):
+    if affordable > edge or (known.left is not None and not requirement.errors):
         edge, why = affordable, f"edges of {mm(affordable)} are what the time allows"
     if edge < known.shortest:
         edge, why = known.shortest, "finer meshes do not fit into the memory of this machine"
@@ -377,14 +381,18 @@ def _plan(
         if of_settings <= own.get(name, 0.0):
             counted[name] = of_settings
     worst = max(
-        (counted[name] / allowed for name, allowed in wish.errors.items() if name in counted),
+        (
+            counted[name] / allowed
+            for name, allowed in requirement.errors.items()
+            if name in counted
+        ),
         default=0.0,
     )
     choice = Choice(
-        wish=wish.in_words(),
+        requirement=requirement.in_words(),
         edge_length=edge,
         settings=candidate.settings,
-        why=why + _of_settings(wish, candidate),
+        why=why + _of_settings(requirement, candidate),
         settings_errors=dict(candidate.errors),
         expected=errors,
         run_seconds=known.seconds(candidate, edge),
@@ -393,18 +401,18 @@ def _plan(
     return choice, worst
 
 
-def _of_settings(wish: Wish, candidate: Candidate) -> str:
+def _of_settings(requirement: Requirement, candidate: Candidate) -> str:
     """Say what settings cost and save, where they are not those of the scene."""
     if candidate.settings == AS_IT_IS:
         return ""
     off = [
         f"{BY_NAME[n].text(candidate.errors[n])} {BY_NAME[n].title}"
-        for n in wish.errors or candidate.errors  # of a budget nobody has said which matter
+        for n in requirement.errors or candidate.errors  # of a budget nobody has said which matter
         if n in candidate.errors
     ]
     return (
         f"; {' and '.join(candidate.settings.in_words())} take {candidate.cost:.2g} of the time "
-        f"and are off by {', '.join(off) or 'nothing wished for'}"
+        f"and are off by {', '.join(off) or 'nothing required'}"
     )
 
 

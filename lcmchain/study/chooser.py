@@ -1,18 +1,18 @@
-"""Runs that keep a wish: errors that they may have, or time that they may take.
+"""Runs that meet a requirement: errors that they may have, or time that they may take.
 
 1. Pilots are runs on coarse meshes. They show how the result depends on the edge length, and what
    any mesh costs (:mod:`lcmchain.study.convergence`).
 2. Cheaper settings are tried on the coarsest pilot: added mass, softer fibres, a cheaper model. The
    error of a setting is what it changes, its price the time that it takes. Errors of inertia and
    damping depend on the speed of the process. Runs with more mass therefore show those of the
-   scene's own process too, also where only a time is wished for. Settings that make a check of the
+   scene's own process too, also where only a time is required. Settings that make a check of the
    program worse are not taken, neither on the coarse mesh nor after the run.
 3. Pilots on finer meshes follow with the cheap settings, as long as they cost little beside the
    run.
 4. :func:`lcmchain.study.choice.choose` takes mesh and settings. The first steps of that run tell
    before how long it takes (:mod:`lcmchain.study.runs`).
 5. The run is the check. Its difference from the pilots shows its own error. Where it misses the
-   wish, a finer mesh is run.
+   requirement, a finer mesh is run.
 
 This holds as far as errors follow an order. Coarse runs know nothing of wrinkles that appear only
 on fine meshes. The error that is reported after the run does, as far as its mesh resolves them.
@@ -29,7 +29,7 @@ from pathlib import Path
 from lcmchain.check.large_mesh import shortest_edges
 from lcmchain.errors import InputError
 from lcmchain.scene import Scene
-from lcmchain.study.choice import Choice, Knowledge, Wish, choose, mm
+from lcmchain.study.choice import Choice, Knowledge, Requirement, choose, mm
 from lcmchain.study.comparison import BY_NAME, differences, quantities_of
 from lcmchain.study.convergence import (
     COUNTED,
@@ -80,7 +80,8 @@ LEAST_COUNTED = 14
 COST_POWER = 3.0
 #: Usual order by which errors fall with the speed of a process: 2 those of inertia, 1 of damping.
 ORDER_OF_SPEED = 1.5
-#: Part of a wish that the settings of pilots may be off by. More would pass for an error of meshes.
+#: Part of a requirement that the settings of pilots may be off by. More would pass for an error of
+#: meshes.
 PILOTS_OFF = 0.1
 #: A model is tried if the trial takes less than this part of the run's time.
 RUNG_SHARE = 0.1
@@ -113,13 +114,13 @@ class Chooser:
         self,
         text: SceneText,
         folder: Path,
-        wish: Wish,
+        requirement: Requirement,
         *,
         threads: int | None = None,
         progress: Progress | None = None,
         announce: Callable[[str], None] | None = None,
     ) -> None:
-        self.text, self.wish, self.progress = text, wish, progress
+        self.text, self.requirement, self.progress = text, requirement, progress
         self.announce = announce or (lambda _: None)
         self.scene = text.scene()
         self.blank = self.scene.shared_blank("lcmchain run with --within or --budget")
@@ -143,7 +144,7 @@ class Chooser:
         return pilots + sum(begun.spent for begun in self.beginnings.values())
 
     def run(self, make: Callable[[Choice], Outcome]) -> Choice:
-        """Run pilots, then the scene by ``make`` until the wish is kept; return the last choice.
+        """Run pilots, then the scene by ``make`` until it meets the requirement; return the choice.
 
         Parameters
         ----------
@@ -151,8 +152,8 @@ class Chooser:
 
         Raises
         ------
-        InputError : no pilot gave a result, or the wish takes far longer than the scene and no
-            budget allows it.
+        InputError : no pilot gave a result, or the requirement takes far longer than the scene and
+            no budget allows it.
         """
         self._run_pilots()
         choice = self._timed_choice()
@@ -161,7 +162,7 @@ class Chooser:
             outcome = make(choice)
             self.run_seconds += outcome.seconds
             self._judge(choice, outcome)
-            if choice.kept or self.wish.budget is not None:
+            if choice.kept or self.requirement.budget is not None:
                 break
             if choice.worse:
                 choice = self._without_settings(choice)
@@ -172,14 +173,14 @@ class Chooser:
                 better.edge_length = finer  # less would tell nothing new
             if better.edge_length > finer or self._too_long(better):
                 break
-            better.notes.append(f"edges of {mm(choice.edge_length)} missed the wish")
+            better.notes.append(f"edges of {mm(choice.edge_length)} missed the requirement")
             choice = better
         return choice
 
     def _converge(self, choice: Choice) -> bool:
         """Tell whether finer meshes have less of all errors that were missed."""
         laws = error_laws(self._counted)
-        missed = choice.missed_errors(self.wish.errors)
+        missed = choice.missed_errors(self.requirement.errors)
         return all(name in laws and laws[name].order > 0.0 for name in missed)
 
     def _without_settings(self, choice: Choice) -> Choice:
@@ -214,22 +215,22 @@ class Chooser:
             failure = outcome.failure or failure
             if outcome.failure:
                 continue
-            tries = self.wish.errors and not math.isfinite(self.tried_at)
+            tries = self.requirement.errors and not math.isfinite(self.tried_at)
             if tries and self._counts(edge):
                 self._try_settings(edge)
                 outcome = self._pilot(edge, self.pilots_as.settings)
             self._add(edge, outcome, self.pilots_as)
         if not self.levels:
             remedy = "run it without --within and --budget"
-            if self.wish.budget is not None:
+            if self.requirement.budget is not None:
                 remedy = f"allow a larger --budget, which finer ones fit into, or {remedy}"
             raise InputError(
                 f"no coarse mesh of the scene could be formed to choose from ({failure}); {remedy}"
             )
-        if not self.wish.errors:
+        if not self.requirement.errors:
             self._measure_inertia()
         elif len(self.levels) > 1:
-            if self.wish.budget is None:
+            if self.requirement.budget is None:
                 self._refine_pilots()
             self._try_settings_again()
             self._try_models()
@@ -241,7 +242,7 @@ class Chooser:
         what time allows, and the two finest that fit follow. More is spent on finer ones only where
         none of these can be formed at all.
         """
-        if self.wish.budget is None:
+        if self.requirement.budget is None:
             for count in PILOTS:
                 if len(self.levels) < 2:
                     yield self._size / count
@@ -249,7 +250,7 @@ class Chooser:
         first = self._size / QUICK_PILOT
         yield first
         seconds = self.pilot_seconds
-        left = PILOT_SHARE * self.wish.budget - seconds
+        left = PILOT_SHARE * self.requirement.budget - seconds
         coarser, finest = self._two_that_count(first, seconds, left)
         if not finest:
             # time of all pilots over that of the finer one
@@ -286,7 +287,7 @@ class Chooser:
 
     def _allows_pilot(self, seconds: float) -> bool:
         """Tell whether a budget leaves so much of the part that goes into pilots."""
-        budget = self.wish.budget
+        budget = self.requirement.budget
         return budget is None or self.pilot_seconds + seconds <= PILOT_SHARE * budget
 
     def _finer_than_failures(self) -> Iterator[float]:
@@ -305,14 +306,14 @@ class Chooser:
             yield edge / LEAST_RATIO
 
     def _refine_pilots(self) -> None:
-        """Run finer pilots as long as the mesh that the wish needs lies far from all of them."""
+        """Run finer pilots as long as the mesh that is required lies far from all of them."""
         while len(self.levels) < MOST_PILOTS:
             choice, finest = self._choice(), self.levels[-1].edge
             needed, tell_an_order = choice.edge_length, len(self.levels) > 2
             if needed * FARTHEST > finest if tell_an_order else needed >= self.levels[0].edge:
                 return
             if tell_an_order and self._too_long(choice):
-                return  # a wish that is refused is refused before it has cost minutes
+                return  # a requirement that is refused is refused before it has cost minutes
             halves = 0.5 * self._size / max(needed * COARSER, finest / PILOT_RATIO)
             least = 0.5 * LEAST_RATIO * self._size / finest
             edge = 0.5 * self._size / round(max(halves, least))
@@ -369,7 +370,7 @@ class Chooser:
     # --- settings ---------------------------------------------------------------------------------
 
     def _measure_inertia(self) -> None:
-        """Measure the errors by speed and fibre modulus, where no error is wished for.
+        """Measure the errors by speed and fibre modulus, where no error is required.
 
         They are stated after the run as those of any other one. The pace of the scene stays. Softer
         fibres are taken where the finer mesh that they leave time for is better.
@@ -396,7 +397,7 @@ class Chooser:
         """Measure on a mesh what added mass changes and saves.
 
         Settings that make a check of the program worse are no candidates. Return those for pilots:
-        the fastest that change little of what is wished for.
+        the fastest that change little of what is required.
         """
         plain = self._pilot(edge, AS_IT_IS)
         trials: list[StepSettings] = []
@@ -428,7 +429,9 @@ class Chooser:
         ]
         for settings in trials:
             off = self._off(self._pilot(edge, settings), plain)
-            if all(off.get(n, 0.0) <= PILOTS_OFF * most for n, most in self.wish.errors.items()):
+            if all(
+                off.get(n, 0.0) <= PILOTS_OFF * most for n, most in self.requirement.errors.items()
+            ):
                 return settings
         return AS_IT_IS
 
@@ -497,7 +500,7 @@ class Chooser:
         """
         if self.text.model is not None:
             return
-        for rung in cheaper_rungs(self.scene, self.wish.errors):
+        for rung in cheaper_rungs(self.scene, self.requirement.errors):
             settings = StepSettings(model=rung)
             level, laid = (self._counted or self.levels)[0], rung == "kinematic"
             if laid:
@@ -523,7 +526,7 @@ class Chooser:
     # --- the choice -------------------------------------------------------------------------------
 
     def _timed_choice(self) -> Choice:
-        """Return what keeps the wish, timed by the first steps on its mesh."""
+        """Return what meets the requirement, timed by the first steps on its mesh."""
         choice = self._choice()
         for _ in range(MOST_BEGINNINGS):
             if self._is_timed(choice):
@@ -539,7 +542,7 @@ class Chooser:
         if self.is_laid or choice.settings.model == "kinematic":
             return True
         known = [*self.beginnings, *(level.edge for level in self.levels)]
-        near = NO_BETTER if self.wish.budget is None else ABOUT_TIMED
+        near = NO_BETTER if self.requirement.budget is None else ABOUT_TIMED
         return any(near <= edge / choice.edge_length <= 1.0 / near for edge in known)
 
     def _with_a_slower_process(self, choice: Choice) -> Choice:
@@ -548,7 +551,12 @@ class Chooser:
         Where the mesh has to fit the outline, the next finer one may have twice the elements.
         """
         left = self._time_left()
-        if left is None or self.wish.errors or self.time_stays or choice.settings != AS_IT_IS:
+        if (
+            left is None
+            or self.requirement.errors
+            or self.time_stays
+            or choice.settings != AS_IT_IS
+        ):
             return choice
         times = math.floor(20.0 * min(left / choice.run_seconds, LONGER[-1])) / 20.0
         if times < SPARE:
@@ -569,9 +577,9 @@ class Chooser:
     @property
     def _begun_for(self) -> float:
         """How long the first steps of a mesh are made [s]."""
-        if self.wish.budget is None:
+        if self.requirement.budget is None:
             return DURATION
-        return min(DURATION, BEGINNING_SHARE * self.wish.budget)
+        return min(DURATION, BEGINNING_SHARE * self.requirement.budget)
 
     def _expected_seconds(self, edge: float) -> float:
         """Return the solver time of the scene with an edge length [s]."""
@@ -582,19 +590,19 @@ class Chooser:
 
     def _time_left(self) -> float | None:
         """Return the solver time that is planned for the run [s]; None for any."""
-        if self.wish.budget is None:
+        if self.requirement.budget is None:
             return None
-        return PLANNED * self.wish.budget - self.pilot_seconds - self.run_seconds
+        return PLANNED * self.requirement.budget - self.pilot_seconds - self.run_seconds
 
     def _choice(self, *, settled: bool = False) -> Choice:
-        """Return what keeps the wish by what is known so far."""
+        """Return what meets the requirement by what is known so far."""
         laws, left = error_laws(self._counted), self._time_left()
         own_edge = self.blank.edge_length
         shortest = shortest_edges(self.scene)
         known = Knowledge(
             self.levels, laws, own_edge, shortest, left, self._begun_seconds(), settled
         )
-        choice, worst = choose(self.wish, self.candidates, known)
+        choice, worst = choose(self.requirement, self.candidates, known)
         if self.time_stays and not self.is_laid:
             choice.why += f"; the process time stays, since {self.time_stays}"
         finest = self.levels[-1].edge / FARTHEST
@@ -603,8 +611,8 @@ class Chooser:
                 f"edges of {mm(choice.edge_length)} would be needed, far from any pilot"
             )
             choice.edge_length = finest
-        if worst > 1.0 and self.wish.budget is not None:
-            choice.notes.append("the time allows less than the wish needs")
+        if worst > 1.0 and self.requirement.budget is not None:
+            choice.notes.append("the time allows less than the requirement needs")
         choice.pilot_seconds = self.pilot_seconds
         choice.expected_seconds = self.pilot_seconds + self.run_seconds + choice.run_seconds
         return choice
@@ -613,7 +621,7 @@ class Chooser:
         """Tell whether a run would take longer than anybody expects who has set no budget."""
         as_it_is = self._expected_seconds(self.blank.edge_length)
         longest = max(LONGEST_RUN, TIMES_THE_SCENE * as_it_is)
-        return self.wish.budget is None and choice.run_seconds > longest
+        return self.requirement.budget is None and choice.run_seconds > longest
 
     def _announce(self, choice: Choice) -> None:
         """Say what is about to be run.
@@ -625,8 +633,8 @@ class Chooser:
         if self._too_long(choice):
             minutes = math.ceil(choice.expected_seconds / 60.0)
             raise InputError(
-                f"{self.wish.in_words()} would take {choice.settings_in_words()}, and about "
-                f'{minutes} minutes; allow them with --budget "{minutes} min", or wish for less',
+                f"{self.requirement.in_words()} would take {choice.settings_in_words()}, and about "
+                f'{minutes} minutes; allow them with --budget "{minutes} min", or ask for less',
                 key="--within",
             )
         self.announce(
@@ -647,16 +655,16 @@ class Chooser:
         choice.meshes = [level.edge for level in self._counted[-COUNTED:]]
         choice.unstated = [name for name in quantities_of(outcome) if name not in choice.found]
         choice.seconds = self.pilot_seconds + self.run_seconds
-        choice.budget = self.wish.budget
+        choice.budget = self.requirement.budget
         if choice.is_over_budget:
             choice.notes.append(
                 f"all runs together took {choice.seconds:.3g} s of solver time, more than the "
-                f"budget of {self.wish.budget:.3g} s"
+                f"budget of {self.requirement.budget:.3g} s"
             )
         plain = self.pilots.get((self.tried_at, AS_IT_IS))
         if plain is not None and choice.settings != AS_IT_IS:
             choice.worse = outcome.worse_than(plain) + self._stretched(outcome, choice.settings)
-        missed = choice.missed_errors(self.wish.errors)
+        missed = choice.missed_errors(self.requirement.errors)
         choice.kept = not (choice.is_over_budget or choice.worse or missed)
 
     # --- the scene --------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Wishes that a run has to keep: read rightly, kept by the choice, and judged after the run.
+"""Requirements that a run has to keep: read rightly, kept by the choice, and judged after the run.
 
 Pilots and runs are made here from a known error law, so that the true error is known.
 """
@@ -16,7 +16,7 @@ from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import chooser as chooser_module
-from lcmchain.study.choice import read_wish
+from lcmchain.study.choice import read_requirement
 from lcmchain.study.chooser import SPARE, Chooser
 from lcmchain.study.comparison import differences
 from lcmchain.study.convergence import Convergence, error_laws
@@ -54,10 +54,10 @@ class Known(Chooser):
     """
 
     def __init__(
-        self, dent, tmp_path, wish, order=1.0, factor=1.0, *, of_speed=0.0, of_fibres=0.5,
+        self, dent, tmp_path, requirement, order=1.0, factor=1.0, *, of_speed=0.0, of_fibres=0.5,
         of_step=0.0, **options,
     ):  # fmt: skip
-        super().__init__(dent, tmp_path, wish, **options)
+        super().__init__(dent, tmp_path, requirement, **options)
         self.order, self.factor = order, factor
         self.of_speed, self.of_fibres, self.of_step = of_speed, of_fibres, of_step
         self.runs = []
@@ -104,13 +104,15 @@ class Known(Chooser):
 
 
 @pytest.mark.parametrize("order", [0.8, 1.0, 1.4, 2.5])
-@pytest.mark.parametrize("wished", [0.5, 1.0, 2.0])
-def test_the_true_error_of_the_chosen_run_is_within_the_wish(dent, tmp_path, order, wished):
+@pytest.mark.parametrize("required", [0.5, 1.0, 2.0])
+def test_the_true_error_of_the_chosen_run_is_within_the_requirement(
+    dent, tmp_path, order, required
+):
     factor = math.radians(20.0) * 10.0 ** (order - 1.0)
-    known = Known(dent, tmp_path, read_wish(f"{wished} deg shear", None), order, factor)
+    known = Known(dent, tmp_path, read_requirement(f"{required} deg shear", None), order, factor)
     choice = known.run(known.make)
     assert choice.kept
-    assert known.true_error() <= math.radians(wished)
+    assert known.true_error() <= math.radians(required)
     # nor is time thrown away: the estimate is no more than three times the truth
     assert choice.found["shear_angle"] < 3.0 * known.true_error()
     # the law knows no inertia, and soft fibres change everything
@@ -123,17 +125,19 @@ def test_the_true_error_of_the_chosen_run_is_within_the_wish(dent, tmp_path, ord
 
 
 def test_pilots_take_a_modest_part_of_the_time(dent, tmp_path):
-    known = Known(dent, tmp_path, read_wish("0.3 deg shear", None), 1.0, math.radians(20.0))
+    known = Known(dent, tmp_path, read_requirement("0.3 deg shear", None), 1.0, math.radians(20.0))
     choice = known.run(known.make)
     assert len(known.runs) == 1
     assert choice.pilot_seconds < 0.5 * known.runs[0][2].seconds
 
 
-def test_cheaper_settings_are_taken_only_where_all_errors_together_keep_the_wish(dent, tmp_path):
-    wish, one = read_wish("1 deg shear", None), math.radians(1.0)
+def test_cheaper_settings_are_taken_only_where_all_errors_together_meet_the_requirement(
+    dent, tmp_path
+):
+    requirement, one = read_requirement("1 deg shear", None), math.radians(1.0)
     taken = {}
     for of_speed, of_fibres in ((0.02, 2.0), (0.22, 2.0), (0.02, 0.1), (0.02, 0.9)):
-        known = Known(dent, tmp_path, wish, 1.0, 0.3,
+        known = Known(dent, tmp_path, requirement, 1.0, 0.3,
                       of_speed=of_speed * one, of_fibres=of_fibres * one)  # fmt: skip
         choice = known.run(known.make)
         taken[of_speed, of_fibres] = choice.settings
@@ -151,9 +155,9 @@ def test_cheaper_settings_are_taken_only_where_all_errors_together_keep_the_wish
 
 def test_fibres_that_would_stretch_too_far_are_not_softened(dent, tmp_path):
     strict = type(dent)(dent.text, dent.path, ("process.fibre_strain_allowed=0.0005",))
-    known = Known(strict, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3, of_fibres=0.0)
+    known = Known(strict, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3, of_fibres=0.0)
     assert known.run(known.make).settings.fibres == 1.0
-    known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3, of_fibres=0.0)
+    known = Known(dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3, of_fibres=0.0)
     assert known.run(known.make).settings.fibres == SOFTER_FIBRES
 
 
@@ -171,7 +175,7 @@ class Doubtful(Known):
 
 
 def test_settings_that_make_a_check_worse_are_not_taken(dent, tmp_path):
-    known = Doubtful(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    known = Doubtful(dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3)
     choice = known.run(known.make)
     assert choice.kept
     assert choice.settings == StepSettings(mass=4.0)
@@ -179,7 +183,7 @@ def test_settings_that_make_a_check_worse_are_not_taken(dent, tmp_path):
 
 
 def test_a_run_whose_settings_made_a_check_worse_is_made_again_without_them(dent, tmp_path):
-    known = Doubtful(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    known = Doubtful(dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3)
     known.finer_than, known.speed = 0.04 / 14.5, 1.0
     choice = known.run(known.make)
     assert known.runs[0][1] == StepSettings(mass=16.0)
@@ -201,7 +205,9 @@ def without_a_time(dent):
 def test_a_pace_that_was_found_is_made_faster_as_far_as_no_check_gets_worse(
     dent, tmp_path, speed, time
 ):
-    known = Doubtful(without_a_time(dent), tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    known = Doubtful(
+        without_a_time(dent), tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3
+    )
     known.speed = speed
     assert known.scene.time_is_found
     choice = known.run(known.make)
@@ -210,23 +216,23 @@ def test_a_pace_that_was_found_is_made_faster_as_far_as_no_check_gets_worse(
     assert {settings.time for _, settings in known.pilots} >= {1.0, 0.25}  # pilots are fast
 
 
-def test_a_pace_that_was_found_stays_where_only_a_time_is_wished_for(dent, tmp_path):
-    known = Known(without_a_time(dent), tmp_path, read_wish(None, "20 s"), 1.0, 0.3)
+def test_a_pace_that_was_found_stays_where_only_a_time_is_required(dent, tmp_path):
+    known = Known(without_a_time(dent), tmp_path, read_requirement(None, "20 s"), 1.0, 0.3)
     assert known.run(known.make).settings == AS_IT_IS
 
 
-def test_pilots_are_as_fast_as_they_change_little_of_the_wish(dent, tmp_path):
+def test_pilots_are_as_fast_as_they_change_little_of_the_requirement(dent, tmp_path):
     """A tenth of it; four times as fast they are off by 3 ``of_speed``, twice as fast by one."""
     found = without_a_time(dent)
     for of_speed, speed in ((0.02, 4.0), (0.06, 2.0), (0.2, 1.0)):
-        wish = read_wish("1 deg shear", None)
-        known = Known(found, tmp_path, wish, 1.0, 0.3, of_speed=math.radians(of_speed))
+        requirement = read_requirement("1 deg shear", None)
+        known = Known(found, tmp_path, requirement, 1.0, 0.3, of_speed=math.radians(of_speed))
         known.run(known.make)
         assert known.pilots_as.settings.speed == speed
 
 
-def test_a_run_that_misses_the_wish_is_repeated_on_a_finer_mesh(dent, tmp_path, monkeypatch):
-    known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+def test_a_run_that_misses_the_requirement_is_repeated_on_a_finer_mesh(dent, tmp_path, monkeypatch):
+    known = Known(dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3)
 
     def surprised(levels):
         twice = 2.0 if known.runs else 1.0  # runs show twice the error that pilots promised
@@ -239,31 +245,31 @@ def test_a_run_that_misses_the_wish_is_repeated_on_a_finer_mesh(dent, tmp_path, 
     assert len(edges) > 1
     assert edges == sorted(edges, reverse=True)
     assert choice.kept
-    assert any("missed the wish" in note for note in choice.notes)
+    assert any("missed the requirement" in note for note in choice.notes)
 
 
-def test_a_budget_is_kept_and_what_it_leaves_of_the_wish_is_told(dent, tmp_path):
+def test_a_budget_is_kept_and_what_it_leaves_of_the_requirement_is_told(dent, tmp_path):
     for budget in (5.0, 60.0, 600.0):
-        known = Known(dent, tmp_path, read_wish(None, f"{budget} s"), 1.0, 0.5)
+        known = Known(dent, tmp_path, read_requirement(None, f"{budget} s"), 1.0, 0.5)
         choice = known.run(known.make)
         assert 0.75 * budget <= choice.seconds <= 1.25 * budget
         # the least budget has one mesh only that is fine enough
         assert ("shear_angle" in choice.found) == (budget > 5.0)
         assert choice.found.get("shear_angle", math.inf) > 0.5 * known.true_error()
         assert choice.settings == AS_IT_IS  # nobody has said which errors matter
-    known = Known(dent, tmp_path, read_wish("0.01 deg shear", "60 s"), 1.0, 0.5)
+    known = Known(dent, tmp_path, read_requirement("0.01 deg shear", "60 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert not choice.kept
     assert choice.seconds <= 75.0
     assert "what the time allows" in choice.why
-    assert any("less than the wish needs" in note for note in choice.notes)
-    assert "is not kept" in choice.missed()
+    assert any("less than the requirement needs" in note for note in choice.notes)
+    assert "is not met" in choice.missed()
 
 
 def test_a_budget_takes_softer_fibres_where_all_errors_fall_by_them(dent, tmp_path):
     edges = {}
     for of_fibres in (0.0, 0.5):
-        known = Known(dent, tmp_path, read_wish(None, "60 s"), 1.0, 0.5, of_fibres=of_fibres)
+        known = Known(dent, tmp_path, read_requirement(None, "60 s"), 1.0, 0.5, of_fibres=of_fibres)
         choice = known.run(known.make)
         edges[of_fibres] = choice.edge_length
         assert choice.settings == (AS_IT_IS if of_fibres else StepSettings(fibres=SOFTER_FIBRES))
@@ -272,7 +278,7 @@ def test_a_budget_takes_softer_fibres_where_all_errors_fall_by_them(dent, tmp_pa
 
 
 class WithThickness(Known):
-    """Thickness, which nobody wishes for, is off by the mesh and by the speed of the process.
+    """Thickness, which nobody asks for, is off by the mesh and by the speed of the process.
 
     By the mesh it is everywhere, by the speed in waves: the squares of both add up. Meshes of
     fewer than 14 elements along the blank follow no law.
@@ -296,11 +302,13 @@ class WithThickness(Known):
 @pytest.mark.parametrize(
     ("within", "budget"),
     [("3 deg shear", None), ("1 deg shear", None), (None, "20 s"), (None, "60 s"), (None, "400 s")],
-    ids=["loose-wish", "wish", "small-budget", "budget", "large-budget"],
+    ids=["loose-requirement", "requirement", "small-budget", "budget", "large-budget"],
 )
-def test_a_wish_and_a_budget_state_the_errors_of_a_run_by_one_rule(dent, tmp_path, within, budget):
-    """By meshes that are fine enough, and with what its settings leave, wished for or not."""
-    known = WithThickness(dent, tmp_path, read_wish(within, budget), 1.0, 0.5)
+def test_a_requirement_and_a_budget_state_the_errors_of_a_run_by_one_rule(
+    dent, tmp_path, within, budget
+):
+    """By meshes that are fine enough, and with what its settings leave, required or not."""
+    known = WithThickness(dent, tmp_path, read_requirement(within, budget), 1.0, 0.5)
     choice = known.run(known.make)
     edge, settings, _ = known.runs[-1]
     # two meshes alone leave the order open; what is left open is taken on the safe side
@@ -319,7 +327,7 @@ def test_errors_of_a_slower_process_that_a_budget_leaves_are_those_of_its_speed(
         def work(self, edge):
             return super().work(0.04 / 2.0 ** math.floor(math.log2(0.04 / edge)))
 
-    known = Doubling(dent, tmp_path, read_wish(None, "100 s"), 1.0, 0.5)
+    known = Doubling(dent, tmp_path, read_requirement(None, "100 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert choice.settings.time > 1.3
     slower = known.candidates[-1]
@@ -330,7 +338,7 @@ def test_errors_of_a_slower_process_that_a_budget_leaves_are_those_of_its_speed(
 
 
 def test_no_error_is_stated_where_too_few_meshes_are_known(dent, tmp_path):
-    known = WithThickness(dent, tmp_path, read_wish(None, "4 s"), 1.0, 0.5)
+    known = WithThickness(dent, tmp_path, read_requirement(None, "4 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert choice.kept and choice.found == {}
     assert choice.unstated == ["shear_angle", "thickness", "contour"]
@@ -357,20 +365,20 @@ class Guarded(Known):
 
 
 def test_pilots_of_a_budget_go_on_until_one_is_fine_enough_for_its_guards(dent, tmp_path):
-    known = Guarded(dent, tmp_path, read_wish(None, "28 s"), 1.0, 0.5)
+    known = Guarded(dent, tmp_path, read_requirement(None, "28 s"), 1.0, 0.5)
     choice = known.run(known.make)
     failed = [edge for (edge, _), made in known.pilots.items() if made.failure]
     assert len(failed) == 3 and min(failed) > 0.04 / known.least
     assert choice.edge_length < min(failed)
     assert choice.is_over_budget == any("more than the budget" in note for note in choice.notes)
 
-    known = Guarded(dent, tmp_path, read_wish(None, "2 s"), 1.0, 0.5)
+    known = Guarded(dent, tmp_path, read_requirement(None, "2 s"), 1.0, 0.5)
     with pytest.raises(InputError, match="too coarse.*; allow a larger --budget, which finer ones"):
         known.run(known.make)
     assert known.pilot_seconds <= 2.0
 
 
-def test_a_broken_budget_is_told_and_is_no_wish_that_was_kept(dent, tmp_path):
+def test_a_broken_budget_is_told_and_is_no_requirement_that_was_met(dent, tmp_path):
     class Slow(Known):
         """Pilots promise a tenth of what the run takes."""
 
@@ -378,13 +386,13 @@ def test_a_broken_budget_is_told_and_is_no_wish_that_was_kept(dent, tmp_path):
             made = super().make(choice)
             return replace(made, seconds=10.0 * made.seconds)
 
-    known = Slow(dent, tmp_path, read_wish(None, "20 s"), 1.0, 0.5)
+    known = Slow(dent, tmp_path, read_requirement(None, "20 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert choice.seconds > 1.25 * 20.0
     assert not choice.kept
     assert any("more than the budget of 20 s" in note for note in choice.notes)
     assert f"took {choice.seconds:.3g} s" in choice.missed()
-    known = Known(dent, tmp_path, read_wish(None, "20 s"), 1.0, 0.5)
+    known = Known(dent, tmp_path, read_requirement(None, "20 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert choice.kept
     assert choice.notes == []
@@ -396,7 +404,7 @@ def test_a_budget_is_not_spent_on_a_process_time_that_is_part_of_the_physics(den
             return super().work(0.04 / 2.0 ** math.floor(math.log2(0.04 / edge)))
 
     ended = type(dent)(dent.text, dent.path, ('tools.punch.motion.end="3 ms"',))
-    known = Doubling(ended, tmp_path, read_wish(None, "100 s"), 1.0, 0.5)
+    known = Doubling(ended, tmp_path, read_requirement(None, "100 s"), 1.0, 0.5)
     choice = known.run(known.make)
     assert choice.settings.time == 1.0
     assert "the process time stays, since tools.punch.motion.end" in choice.why
@@ -405,8 +413,8 @@ def test_a_budget_is_not_spent_on_a_process_time_that_is_part_of_the_physics(den
 def test_steps_that_cost_much_beside_their_elements_do_not_mislead_a_budget(dent, tmp_path):
     # by pilots alone the time would be extrapolated with the 2.5th power of the edges at least
     for of_step in (400.0, 3000.0):
-        wish = read_wish(None, "100 s")
-        known = Known(dent, tmp_path, wish, 1.0, 0.5, of_step=of_step)
+        requirement = read_requirement(None, "100 s")
+        known = Known(dent, tmp_path, requirement, 1.0, 0.5, of_step=of_step)
         choice = known.run(known.make)
         assert 0.75 <= choice.seconds / 100.0 <= 1.0
         assert choice.run_seconds == pytest.approx(known.runs[-1][2].seconds, rel=0.1)
@@ -423,7 +431,7 @@ def test_what_no_finer_mesh_can_be_had_for_goes_into_a_slower_process(dent, tmp_
             return super().work(0.04 / 2.0 ** math.floor(math.log2(0.04 / edge)))
 
     for budget in (60.0, 100.0, 150.0):
-        known = Doubling(dent, tmp_path, read_wish(None, f"{budget} s"), 1.0, 0.5)
+        known = Doubling(dent, tmp_path, read_requirement(None, f"{budget} s"), 1.0, 0.5)
         choice = known.run(known.make)
         assert 0.75 <= choice.seconds / budget <= 1.0
         assert choice.settings.time >= SPARE
@@ -433,7 +441,7 @@ def test_what_no_finer_mesh_can_be_had_for_goes_into_a_slower_process(dent, tmp_
 
 def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_path):
     """Two meshes that tell of errors, trials that are quick, first steps of a hundredth of it."""
-    known = Known(dent, tmp_path, read_wish(None, "32 s"), 1.0, 0.5, of_fibres=0.0)
+    known = Known(dent, tmp_path, read_requirement(None, "32 s"), 1.0, 0.5, of_fibres=0.0)
     choice = known.run(known.make)
     assert choice.settings.fibres == SOFTER_FIBRES
     assert known._begun_for == DURATION
@@ -443,7 +451,7 @@ def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_pa
     assert len(counted) == 2 and counted[0] == pytest.approx(0.04 / 14)
     assert choice.pilot_seconds < 0.35 * 32.0
     assert 0.75 * 32.0 <= choice.seconds <= 32.0
-    small = Known(dent, tmp_path, read_wish(None, "5 s"), 1.0, 0.5)
+    small = Known(dent, tmp_path, read_requirement(None, "5 s"), 1.0, 0.5)
     assert small._begun_for == pytest.approx(0.05)
 
 
@@ -459,26 +467,30 @@ def test_the_beginning_of_a_run_goes_with_the_work_of_a_run(dent, tmp_path):
     assert begin_run(instant, 1).seconds > 0.0
 
 
-def test_a_wish_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, tmp_path):
+def test_a_requirement_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, tmp_path):
     told = []
-    known = Known(dent, tmp_path, read_wish("0.01 deg shear", None), 1.0, 0.5, announce=told.append)
+    known = Known(
+        dent, tmp_path, read_requirement("0.01 deg shear", None), 1.0, 0.5, announce=told.append
+    )
     with pytest.raises(
         InputError, match=r'edges of .* minutes; allow them with --budget "\d+ min"'
     ):
         known.run(known.make)
     assert (known.runs, told) == ([], [])
     assert len({edge for edge, _ in known.pilots}) == 3  # an order, and no finer ones for nothing
-    known = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.5, announce=told.append)
+    known = Known(
+        dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.5, announce=told.append
+    )
     known.run(known.make)
     assert len(told) == len(known.runs)
     assert all("Running edges of" in text and "s of solver time" in text for text in told)
 
 
-def test_a_longer_process_is_chosen_where_inertia_would_take_the_wish(dent, tmp_path):
-    wish = read_wish("1 deg shear", None)
-    steady = Known(dent, tmp_path, wish, 1.0, 0.3, of_speed=math.radians(0.2))
+def test_a_longer_process_is_chosen_where_inertia_would_take_the_requirement(dent, tmp_path):
+    requirement = read_requirement("1 deg shear", None)
+    steady = Known(dent, tmp_path, requirement, 1.0, 0.3, of_speed=math.radians(0.2))
     assert steady.run(steady.make).settings.time == 1.0
-    fast = Known(dent, tmp_path, wish, 1.0, 0.3, of_speed=math.radians(0.9))
+    fast = Known(dent, tmp_path, requirement, 1.0, 0.3, of_speed=math.radians(0.9))
     choice = fast.run(fast.make)
     assert choice.settings.time > 1.0
     assert {settings for _, settings, _ in fast.runs} == {choice.settings}
@@ -496,26 +508,28 @@ def test_a_laid_net_is_chosen_where_it_is_near_enough(dent, tmp_path):
             values = {"shear_angle": like.values["shear_angle"] + self.off}
             return Outcome(1e-3, 1, like.reference, like.formed, like.faces, values)
 
-    wish = read_wish("2 deg shear", None)
-    near = WithNet(dent, tmp_path, wish, 1.0, 0.05)
+    requirement = read_requirement("2 deg shear", None)
+    near = WithNet(dent, tmp_path, requirement, 1.0, 0.05)
     near.off = math.radians(0.5)
     choice = near.run(near.make)
     assert choice.settings.model == "kinematic"
     assert near.scene_of(choice).element.type == "kinematic"
     assert 0.5 <= math.degrees(choice.found["shear_angle"]) <= 2.0
-    far = WithNet(dent, tmp_path, wish, 1.0, 0.05)
+    far = WithNet(dent, tmp_path, requirement, 1.0, 0.05)
     far.off = math.radians(1.95)
     assert far.run(far.make).settings.model == ""
-    # a wish that it cannot answer, and a rung that was asked for
+    # a requirement that it cannot answer, and a rung that was asked for
     assert "kinematic" not in cheaper_rungs(dent.scene(), {"punch_force": 0.1})
-    fixed = WithNet(type(dent)(dent.text, dent.path, (), "solid-shell"), tmp_path, wish, 1.0, 0.05)
+    fixed = WithNet(
+        type(dent)(dent.text, dent.path, (), "solid-shell"), tmp_path, requirement, 1.0, 0.05
+    )
     assert fixed.run(fixed.make).settings.model == ""
 
 
 @pytest.mark.parametrize(("within", "budget"), [("0.5 deg shear", None), (None, "2 s")])
 def test_a_scene_whose_net_is_laid_has_no_steps_to_choose(dent, tmp_path, within, budget):
     laid = type(dent)(dent.text, dent.path, (), "kinematic")
-    chooser = Chooser(laid, tmp_path, read_wish(within, budget), threads=1)
+    chooser = Chooser(laid, tmp_path, read_requirement(within, budget), threads=1)
     lay = chooser.study.outcome
 
     def laid_in_known_time(variant, progress=None):  # as long on any machine
@@ -537,8 +551,11 @@ def test_no_mesh_is_chosen_that_memory_does_not_hold(dent, tmp_path, monkeypatch
     """A budget that allows millions of elements took all memory of a machine."""
     elements = (0.04 / 1.5e-3) ** 2
     monkeypatch.setattr(large_mesh, "physical_memory", lambda: 2 * elements * BUILDING_BYTES)
-    for wish in (read_wish(None, "100000 s"), read_wish("0.05 deg shear", "100000 s")):
-        known = Known(dent, tmp_path, wish, 1.0, 0.5)
+    for requirement in (
+        read_requirement(None, "100000 s"),
+        read_requirement("0.05 deg shear", "100000 s"),
+    ):
+        known = Known(dent, tmp_path, requirement, 1.0, 0.5)
         choice = known.run(known.make)
         assert choice.edge_length == pytest.approx(1.5e-3)
         assert "do not fit into the memory of this machine" in choice.why
@@ -552,17 +569,17 @@ def test_what_does_not_converge_is_told_and_no_mesh_is_spent_on_it(dent, tmp_pat
             made.values["thickness"] = 1e-3 * (1.0 + wave * np.ones(len(made.faces)))
             return made
 
-    known = Restless(dent, tmp_path, read_wish("1 deg shear, 1 % thickness", None), 1.0, 0.3)
+    known = Restless(dent, tmp_path, read_requirement("1 deg shear, 1 % thickness", None), 1.0, 0.3)
     choice = known.run(known.make)
     assert not choice.kept
     assert any("thickness changes by" in note for note in choice.notes)
     # the mesh is that of the shear angle
-    alone = Known(dent, tmp_path, read_wish("1 deg shear", None), 1.0, 0.3)
+    alone = Known(dent, tmp_path, read_requirement("1 deg shear", None), 1.0, 0.3)
     assert choice.edge_length > 0.95 * alone.run(alone.make).edge_length
 
 
 def test_settings_add_nothing_to_what_no_mesh_can_keep(dent, tmp_path):
-    """Added mass within the wish is not taken where the mesh alone misses it for good."""
+    """Added mass within the requirement is not taken where the mesh alone misses it for good."""
 
     class Restless(Known):
         restless = True
@@ -574,30 +591,30 @@ def test_settings_add_nothing_to_what_no_mesh_can_keep(dent, tmp_path):
                 made.values["shear_angle"] = made.values["shear_angle"] + wave
             return made
 
-    wish, of_speed = read_wish("2 deg shear", None), math.radians(0.3)
+    requirement, of_speed = read_requirement("2 deg shear", None), math.radians(0.3)
     fine = type(dent)(dent.text, dent.path, ('blank.edge_length="1.5 mm"',), None)
-    restless = Restless(fine, tmp_path, wish, 1.0, 0.01, of_speed=of_speed)
+    restless = Restless(fine, tmp_path, requirement, 1.0, 0.01, of_speed=of_speed)
     choice = restless.run(restless.make)
     assert not choice.kept
     assert any("shear angle changes by" in note for note in choice.notes)
     assert choice.settings == AS_IT_IS
     assert choice.edge_length == 1.5e-3
     assert "the scene's" in choice.why
-    calm = Restless(fine, tmp_path, wish, 1.0, 0.01, of_speed=of_speed)
+    calm = Restless(fine, tmp_path, requirement, 1.0, 0.01, of_speed=of_speed)
     calm.restless = False
     assert calm.run(calm.make).settings.mass > 1.0
 
 
-def test_wishes_are_read_with_their_units():
-    wish = read_wish("1 deg shear, 1.5 % thickness, 3% force, 0.5 mm contour", "20 s")
-    assert wish.errors == pytest.approx(
+def test_requirements_are_read_with_their_units():
+    requirement = read_requirement("1 deg shear, 1.5 % thickness, 3% force, 0.5 mm contour", "20 s")
+    assert requirement.errors == pytest.approx(
         {"shear_angle": math.radians(1.0), "thickness": 0.015, "punch_force": 0.03,
          "contour": 0.5e-3}
     )  # fmt: skip
-    assert wish.budget == 20.0
-    assert read_wish("0.02 rad shear angle", None).errors["shear_angle"] == 0.02
-    assert read_wish("2 % v_f", "1 min").budget == 60.0
-    assert "1.5 % thickness" in wish.in_words()
+    assert requirement.budget == 20.0
+    assert read_requirement("0.02 rad shear angle", None).errors["shear_angle"] == 0.02
+    assert read_requirement("2 % v_f", "1 min").budget == 60.0
+    assert "1.5 % thickness" in requirement.in_words()
 
 
 @pytest.mark.parametrize(
@@ -620,9 +637,9 @@ def test_wishes_are_read_with_their_units():
         (None, "0 s", "positive"),
     ],
 )
-def test_a_wish_that_makes_no_sense_is_told(within, budget, told):
+def test_a_requirement_that_makes_no_sense_is_told(within, budget, told):
     with pytest.raises(InputError, match=told):
-        read_wish(within, budget)
+        read_requirement(within, budget)
 
 
 def test_a_run_from_the_command_line_says_what_was_chosen(dent, tmp_path):

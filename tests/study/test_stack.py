@@ -14,7 +14,7 @@ from lcmchain.cli import app
 from lcmchain.errors import InputError
 from lcmchain.study import accuracy
 from lcmchain.study.accuracy import ladder, scene_name, study_accuracy
-from lcmchain.study.choice import read_wish
+from lcmchain.study.choice import read_requirement
 from lcmchain.study.chooser import Chooser
 from lcmchain.study.comparison import BY_NAME, carry, contour_difference, differences
 from lcmchain.study.outcome import Outcome, outcome_of_sheet, read_outcome, write_outcome
@@ -119,7 +119,7 @@ def test_plies_with_an_edge_length_each_are_refused_by_what_varies_one(dent, tmp
     with pytest.raises(InputError, match="plies: names 2 plies .* lcmchain study accuracy varies"):
         ladder(source)
     with pytest.raises(InputError, match="plies: names 2 plies .* --within or --budget varies one"):
-        Chooser(source, tmp_path, read_wish("1 deg shear", None), threads=1)
+        Chooser(source, tmp_path, read_requirement("1 deg shear", None), threads=1)
 
 
 def test_settings_that_all_fail_are_told(dent, tmp_path, monkeypatch):
@@ -135,13 +135,15 @@ def test_settings_that_all_fail_are_told(dent, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "wish", [["--within", "5 deg shear, 10 % thickness"], ["--budget", "8 s"]], ids=lambda w: w[0]
+    "requirement",
+    [["--within", "5 deg shear, 10 % thickness"], ["--budget", "8 s"]],
+    ids=lambda w: w[0],
 )
-def test_a_run_of_a_layup_chooses_its_mesh(tmp_path, wish):
+def test_a_run_of_a_layup_chooses_its_mesh(tmp_path, requirement):
     """From the command line to the files of a stack, with what was chosen for all plies."""
     path, out = tmp_path / "scene.toml", tmp_path / "out"
     path.write_text(LAYUP, encoding="utf-8")
-    done = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--quiet", *wish])
+    done = CliRunner().invoke(app, ["run", str(path), "--out", str(out), "--quiet", *requirement])
     assert done.exit_code == 0, done.output
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["state"] == "complete"

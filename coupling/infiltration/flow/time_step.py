@@ -186,7 +186,9 @@ class TimeStep:
         timed |= _sinks(model, state)
         if self._kept is not None and not timed and not situation.excess.any():
             stage = self._kept[1]
-            return self._resting(situation, stage, min(limit, self._wish(stage, situation)))
+            return self._resting(
+                situation, stage, min(limit, self._crossing_step(stage, situation))
+            )
         step = min(limit, 2.0 * state.next_step) if timed and state.next_step > 0.0 else limit
         for _ in range(MOST_CUTS if not situation.excess.any() else CUTS_OF_EXCESS):
             if not step > 0.0:
@@ -198,14 +200,14 @@ class TimeStep:
                 stage = self._driven.stage(situation, state, step)
             else:
                 stage = self._looked[1]
-            wish = self._wish(stage, situation)
-            if not timed or wish >= 0.999 * step:
+            crossing = self._crossing_step(stage, situation)
+            if not timed or crossing >= 0.999 * step:
                 break
-            step = max(wish, 0.2 * step)
+            step = max(crossing, 0.2 * step)
         if situation.lift is not None:
             fastest = np.max(np.abs(thickness_rate(situation, stage.flow)) / state.thickness)
             step = min(step, options.largest_compaction / max(fastest, 1e-300))
-        situation, stage, step = self._resting(situation, stage, min(step, wish))
+        situation, stage, step = self._resting(situation, stage, min(step, crossing))
         return at_the_same_rate(situation, step / stage.step), stage, step
 
     def _resting(
@@ -218,7 +220,7 @@ class TimeStep:
         step = min(step, max(free, MOST_GROWTH * situation.state.next_step))
         return situation, self._driven.stage(situation, situation.state, step, resting=True), step
 
-    def _wish(self, stage: Stage, situation: Situation) -> float:
+    def _crossing_step(self, stage: Stage, situation: Situation) -> float:
         """Return the step in which the front crosses ``front_step`` control volumes."""
         rows, inflow = stage.flow.filling()
         inflow = np.maximum(inflow, 0.0)
