@@ -232,16 +232,31 @@ class Cylinder(ProfileShape):
 
 
 class Cone(ProfileShape):
-    """Cone with a spherical tip; the tip's pole is at the origin and points to local -z."""
+    """Cone, endless or cut off flat, with a round tip; its pole, at the origin, points to -z."""
 
     type: Literal["cone"]
     half_angle: AcuteAngle = Field(description="Angle between axis and surface.")
     tip_radius: LengthOrZero = Field(description="Radius of the spherical tip; 0 is sharp.")
+    height: Annotated[PositiveLength | None, AbsentMeans("infinite")] = Field(
+        default=None, description="Height along local z from the tip to the flat end."
+    )
+
+    @model_validator(mode="after")
+    def _check_height(self) -> Self:
+        if self.height is not None and self.height <= self.tip_radius * (
+            1.0 - math.sin(self.half_angle)
+        ):
+            raise wrong("ends in the spherical tip; give more height", field="height")
+        return self
 
     def profile(self, *, key: str) -> Profile:
         radius, angle = self.tip_radius, self.half_angle
-        height = radius if radius else 1.0
         apex = radius - radius / math.sin(angle)
+        if self.height is not None:
+            rim = (self.height - apex) * math.tan(angle)
+            points = [(0.0, apex), (rim, self.height), (0.0, self.height)]
+            return build_profile(points, [radius, 0.0, 0.0], solid="left", revolved=True, key=key)
+        height = radius if radius else 1.0
         points = [(0.0, apex), (height * math.tan(angle), apex + height)]
         return build_profile(points, [radius, 0.0], solid="left", revolved=True, key=key)
 

@@ -66,6 +66,9 @@ SHARP_PUCK = {"type": "cylinder", "radius": 0.03, "edge_radius": 0.0, "length": 
 CONE = {"type": "cone", "half_angle": math.radians(25.0), "tip_radius": 0.008}
 SHARP_CONE = {"type": "cone", "half_angle": math.radians(25.0), "tip_radius": 0.0}
 
+CUT_CONE = {**CONE, "height": 0.02}
+CUT_SHARP_CONE = {**SHARP_CONE, "height": 0.02}
+
 # A closed cross-section with convex and concave corners, and a groove in an endless die.
 L_SECTION = [(0.01, 0.0), (0.07, 0.0), (0.07, 0.03), (0.04, 0.03), (0.04, 0.06), (0.01, 0.06)]
 L_RING = {
@@ -94,6 +97,8 @@ ANALYTIC = {
     "sharp puck": SHARP_PUCK,
     "cone": CONE,
     "sharp cone": SHARP_CONE,
+    "cut cone": CUT_CONE,
+    "cut sharp cone": CUT_SHARP_CONE,
     "ring": L_RING,
     "beam": L_BEAM,
     "groove": GROOVE,
@@ -214,6 +219,21 @@ def test_distance_to_cone_by_brute_force(tip):
     exact = np.where(solid, -1.0, 1.0) * distance_to_polyline(np.stack((r, z), axis=1), curve)
     table = table_of({**CONE, "tip_radius": tip})
     np.testing.assert_allclose(gaps(table, 0, points, 0.0), exact, atol=1e-9)
+
+
+def test_distance_to_a_cut_cone_by_hand():
+    table = table_of(CUT_SHARP_CONE)
+    rim, end = 0.02 * math.tan(CONE["half_angle"]), 0.02
+    # below the apex, above and below the flat end on the axis, beside and off the rim
+    points = [
+        (0, 0, -0.001),
+        (0, 0, 0.03),
+        (0, 0, 0.019),
+        (0.03, 0, end),
+        (rim + 3e-3, 0, end + 4e-3),
+    ]
+    exact = [0.001, 0.01, -0.001, 0.03 - rim, 0.005]
+    np.testing.assert_allclose(gaps(table, 0, np.array(points, float), 0.0), exact, atol=1e-15)
 
 
 @pytest.mark.parametrize("solid", ["left", "right"])

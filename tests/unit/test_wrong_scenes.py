@@ -346,6 +346,11 @@ WRONG = {
                                ' half_angle = "90 deg" }')),
         'tools[0] "punch".shape.half_angle', "below 90 deg",
     ),
+    "cone cut off in its tip": (
+        replaced((PUNCH_SHAPE, 'shape = { type = "cone", tip_radius = "5 mm", height = "2 mm",'
+                               ' half_angle = "30 deg" }')),
+        'tools[0] "punch".shape.height', "more height",
+    ),
     "edge radius of a cylinder": (
         replaced((PUNCH_SHAPE, 'shape = { type = "cylinder", radius = "5 mm", length = "9 mm",'
                                ' edge_radius = "6 mm" }')),
