@@ -3,10 +3,10 @@
     python examples/accuracy/within.py [--out DIR] [--table F.md] [--threads N] [--only NAME ...]
 
 Each scene is run as `lcmchain run SCENE --within ERRORS` would run it, and then on a mesh with
-edges shorter by 0.6; what both differ by is the true error, up to that of the fine run. The same scenes
-are run with `--budget`. None of them was used to make the choice of settings: other tools, sizes,
-fabrics and fibre angles than the hemispheres, with and without holder. Results that lie in the
-folder already are taken from there.
+edges shorter by 0.6; what both differ by is the true error, up to that of the fine run. The same
+scenes are run with `--budget`. None of them was used to make the choice of settings: other tools,
+sizes, fabrics and fibre angles than the hemispheres, with and without holder. Results that lie in
+the folder already are taken from there.
 """
 
 from __future__ import annotations
