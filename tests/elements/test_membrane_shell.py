@@ -42,12 +42,13 @@ QUADRATICS = {
 BLANKS = {
     "aligned": {"size": (0.06, 0.04)},
     "turned": {"size": (0.06, 0.06), "fibre_angle": np.pi / 4},
-    "cut": {"outline": ((0.0, 0.0), (0.06, 0.01), (0.07, 0.06), (0.02, 0.07)), "fibre_angle": 0.3},
+    "cut": {"rim": ((0.0, 0.0), (0.06, 0.01), (0.07, 0.06), (0.02, 0.07)), "fibre_angle": 0.3},
 }
 
 
 def blank_mesh(*, edge_length=EDGE, thickness=THICKNESS, **shape):
-    spec = {"size": None, "outline": None, "fibre_angle": 0.0, "height": 0.0} | shape
+    spec = {"size": None, "rim": None, "drawing": None, "cuts": {}, "fibre_angle": 0.0}
+    spec |= {"height": 0.0} | shape
     return build_blank(SimpleNamespace(edge_length=edge_length, **spec), thickness)
 
 

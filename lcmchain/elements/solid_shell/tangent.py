@@ -16,7 +16,7 @@ Plain NumPy over blocks of elements, written separately from the compiled kernel
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from lcmchain.materials.law import (
     stabilising_tangent,
     tangent_coupling_of,
 )
-from lcmchain.model import Model
 
 # bounds the temporary arrays to about 50 MB
 ELEMENTS_PER_BLOCK = 512
@@ -80,7 +79,7 @@ class Linearisation(NamedTuple):
 
 
 def linearise(
-    model: Model,
+    model: Any,
     displacement: np.ndarray,
     resultants: np.ndarray | None = None,
     history: np.ndarray | None = None,
