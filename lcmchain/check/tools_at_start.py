@@ -198,7 +198,7 @@ def gaps_of_stack(
 ) -> list[InitialGap]:
     """Measure the smallest distance of every tool to any ply of a scene that is there at the start.
 
-    blanks : of the plies, as :meth:`lcmchain.scene.plies.PlySettings.build_blank` makes them.
+    blanks : of the plies, as :meth:`lcmchain.scene.stack.PlySettings.build_blank` makes them.
     """
     sheets = [(blank, contact_offset(ply)) for blank, ply in plies_at_start(scene, blanks)]
     return _gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
