@@ -31,6 +31,7 @@ from lcmchain.mapping.structure.mapped_file import is_mapped, mapped_state, open
 from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh.places import place_text
+from lcmchain.mesh_files.formats import format_of
 from lcmchain.mesh_files.readers.decks.nastran_sets import AMBIGUOUS_SETS
 from lcmchain.results import require_complete
 from lcmchain.scene.infiltration import OwnPermeability, Preform
@@ -111,7 +112,16 @@ def read_formed_part(
         raise InputError("is a folder; name the forming.nc or the mapped file in it", file=path)
     if not path.is_file():
         raise InputError("there is no such file", file=path)
-    dataset = open_mapped(path)
+    try:
+        dataset = open_mapped(path)
+    except InputError:
+        if not format_of(path):
+            raise
+        raise InputError(
+            "is a mesh and no result of forming; to fill a part that was not formed, give "
+            "[preform] in the case",
+            file=path,
+        ) from None
     if is_mapped(dataset):
         if frame != -1:
             raise InputError(

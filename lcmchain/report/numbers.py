@@ -253,10 +253,11 @@ def _cost(summary: Mapping[str, Any]) -> Iterator[Number]:
             f"{percent(summary['mass_added_largest'])} of a node's; its weight is not added",
         )
     if "us_per_element_step" in summary:
+        threads = f"{summary['threads']} thread{'s' if summary['threads'] != 1 else ''}"
         yield Number(
             "Computing time",
             duration_text(summary["wall_s"]),
-            f"on {summary['threads']} threads, {summary['us_per_element_step']:.3g} microseconds "
+            f"on {threads}, {summary['us_per_element_step']:.3g} microseconds "
             f"per element and step; {duration_text(summary['compile_s'])} of compiling before",
         )
     elif "wall_s" in summary:

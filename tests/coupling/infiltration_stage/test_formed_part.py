@@ -115,6 +115,13 @@ def test_what_is_no_part_is_refused(kit, tmp_path):
         read_formed_part(tmp_path / "nothing.nc")
     with pytest.raises(InputError, match="is a folder; name the forming.nc"):
         read_formed_part(tmp_path)
+    mesh = tmp_path / "part.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"a mesh and no result of forming; .* give \[preform\]"):
+        read_formed_part(mesh)
+    mesh.with_suffix(".nc").write_text("neither")
+    with pytest.raises(InputError, match="no netCDF result"):
+        read_formed_part(mesh.with_suffix(".nc"))
     with pytest.raises(
         InputError, match='no thickness; form the sheet with element = "solid-shell"'
     ):
