@@ -24,7 +24,7 @@ from lcmchain.coupons.analytic import (
     power_law_pressure,
 )
 from lcmchain.errors import InputError
-from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.data import Column, CouponData, require_unlike
 from lcmchain.identification.regression import (
     Fit,
     LackOfFit,
@@ -167,13 +167,10 @@ def _loaded_rows(data: CouponData, thickness: float) -> tuple[CouponData, list[s
             "the unit",
             file=data.file,
         )
-    unlike = np.unique(below["thickness"]).size
-    if unlike < COEFFICIENT_COUNT:
-        raise InputError(
-            f"holds pressures at {unlike} unlike thicknesses, which do not tell the "
-            f"{COEFFICIENT_COUNT} coefficients of the law; give the rows of a whole closing",
-            file=data.file,
-        )
+    require_unlike(
+        below, below["thickness"], COEFFICIENT_COUNT,
+        loads="pressures", places="thicknesses", test="closing",
+    )  # fmt: skip
     if loaded.all():
         return below, []
     return below, [

@@ -112,6 +112,29 @@ def read_coupon(
     return data
 
 
+def require_unlike(
+    data: CouponData, values: np.ndarray, count: int, *, loads: str, places: str, test: str
+) -> None:
+    """Refuse data whose loads were measured at too few places for the coefficients of a law.
+
+    Parameters
+    ----------
+    values : of the rows, where the loads were measured. count : of coefficients.
+    loads, places, test : what they are called.
+
+    Raises
+    ------
+    InputError : there are fewer unlike values than coefficients.
+    """
+    unlike = np.unique(values).size
+    if unlike < count:
+        raise InputError(
+            f"holds {loads} at {unlike} unlike {places}, which do not tell the {count} "
+            f"coefficients of the law; give the rows of a whole {test}",
+            file=data.file,
+        )
+
+
 def _table(path: Path, layouts, columns: str | None) -> Table:
     """Return the cells of a file of the program's own kind, or of a machine's export."""
     try:

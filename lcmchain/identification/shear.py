@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame, shear_strain
 from lcmchain.errors import InputError
-from lcmchain.identification.data import Column, CouponData
+from lcmchain.identification.data import Column, CouponData, require_unlike
 from lcmchain.identification.entering_rows import SHOWN
 from lcmchain.identification.regression import (
     Fit,
@@ -105,13 +105,9 @@ def identify_shear(
     """
     data = _loaded_rows(data, specimen)
     angle, force = _angles(data, specimen), data["force"]
-    unlike = np.unique(angle).size
-    if unlike < COEFFICIENT_COUNT:
-        raise InputError(
-            f"holds forces at {unlike} unlike shear angles, which do not tell the "
-            f"{COEFFICIENT_COUNT} coefficients of the law; give the rows of a whole pull",
-            file=data.file,
-        )
+    require_unlike(
+        data, angle, COEFFICIENT_COUNT, loads="forces", places="shear angles", test="pull"
+    )
     factor = {"engineering": 2.0, "tensor": 1.0}[convention]
     design = force_design(specimen, angle, factor)
     secant = mean_secant(design, force)

@@ -204,37 +204,38 @@ def interfaces_of_stages(
     viscosity = max(sum(law.slip_viscosity() for law in own) for own in tables)
     stiffer = np.maximum(slopes / penalties, 1.0)
     damping_time = 2.0 * DAMPING_RATIO / np.sqrt(omega2_of_equal_plies(penalties, bodies))
-    faces = _faces_of_bodies(bodies)
+    constants: dict[str, Any] = {
+        **_faces_of_bodies(bodies),
+        "row_size": row_count(laws) * SPAN,
+        "interface_count": len(entries),
+        "penalty": penalties.astype(float),
+        "stiffer": stiffer,
+        "depth": depth,
+        "thinnest": 0.5 * float(thickness.min()),
+        "omega2": omega2_of_equal_plies(penalties * stiffer, bodies),
+        "damping_time": damping_time,
+        "sliding_rate": 2.0 * viscosity * largest_area_by_mass(bodies),
+        "slide": SLIDE,
+        "slope_steps": STEPS_PER_SLOPES,
+        "slope_part": SLOPE_PART,
+        "depth_steps": STEPS_PER_DEPTH,
+        "depth_left": DEPTH_LEFT,
+        "stiffening": min(stiffening_of(body.material) for body in bodies),
+    }
     found = []
     for pairs in of_stages:
         near, far = _reaches_of_pairs(pairs, reaches, depth)
         data = InterfaceData(
-            **faces,
-            row_size=row_count(laws) * SPAN,
+            **constants,
             interface=pairs,
-            interface_count=len(entries),
-            penalty=penalties.astype(float),
-            stiffer=stiffer,
-            depth=depth,
             near=near,
             far=far,
             reach=float(far.max()),
             nearest=_nearest(pairs, far),
-            thinnest=0.5 * float(thickness.min()),
-            omega2=omega2_of_equal_plies(penalties * stiffer, bodies),
-            damping_time=damping_time,
-            sliding_rate=2.0 * viscosity * largest_area_by_mass(bodies),
-            slide=SLIDE,
-            slope_steps=STEPS_PER_SLOPES,
-            slope_part=SLOPE_PART,
-            depth_steps=STEPS_PER_DEPTH,
             depth_time=_depth_times(damping_time * penalties, pairs, bodies),
-            depth_left=DEPTH_LEFT,
-            stiffening=min(stiffening_of(body.material) for body in bodies),
         )
         found.append(PlyContact(data, laws))
-    position = np.concatenate([body.mesh.node_positions for body in bodies])
-    _require_apart(found[0].data, position, [body.name for body in bodies])
+    _require_apart(found[0].data, [body.name for body in bodies])
     return found
 
 
@@ -337,7 +338,7 @@ def _lanes(node_counts: Sequence[int]) -> np.ndarray:
     return np.concatenate(places).astype(np.int32)
 
 
-def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[str]) -> None:
+def _require_apart(data: InterfaceData, names: Sequence[str]) -> None:
     """Refuse plies that touch and overlap at the start by more than half the thinner one.
 
     Told from the nearest facet that looks the other way, up to one and a half thicknesses deep:
@@ -345,7 +346,7 @@ def _require_apart(data: InterfaceData, position: np.ndarray, names: Sequence[st
     """
     from scipy.spatial import cKDTree
 
-    corner = position[data.facet_node]
+    corner = data.place.T[data.facet_node]
     middle = corner.mean(axis=1)
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
