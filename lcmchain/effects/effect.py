@@ -216,6 +216,22 @@ def out_of_materials(attribute: str, without: str) -> Answer:
     return off
 
 
+def switch_of_materials(
+    attribute: str, taken_out_by: str, *, entry: str, without: str, why_not_on: str
+) -> Switch:
+    """Return the switch of an effect that materials state, and that no switch can invent.
+
+    attribute, taken_out_by : as for :func:`out_of_materials`. why_not_on : why it is not turned on.
+    """
+    return Switch(
+        entry=entry,
+        without=without,
+        called=stated_by_materials(attribute),
+        off=out_of_materials(attribute, taken_out_by),
+        on=refused(why_not_on),
+    )
+
+
 def of_elements(change: Callable[[SheetElement], SheetElement]) -> Answer:
     """Return the answer of a switch that changes the elements of every ply.
 

@@ -29,15 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import prange
 
-from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
-    Switch,
-    out_of_materials,
-    range_in_words,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import Effect, EffectModel, range_in_words, switch_of_materials
 from lcmchain.elements.blocks import LANES, find_runs, in_blocks, in_shared_blocks, vector_of_lanes
 from lcmchain.elements.family import Body
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
@@ -523,12 +515,12 @@ def bending_of(stiffness, rest, w, t, across, t12, tt, per_tt, n, per_nn, kept):
     return c, q, scaled(moment, q), lift, slide, twice
 
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "bends_in_plane",
+    "without_in_plane_bending",
     entry="material.bending.in_plane",
     without="what gives bands of shear their width",
-    called=stated_by_materials("bends_in_plane"),
-    off=out_of_materials("bends_in_plane", "without_in_plane_bending"),
-    on=refused(
+    why_not_on=(
         "the material has no stiffness against it; give material.bending.in_plane > 0 (law = "
         '"fabric")'
     ),

@@ -10,21 +10,15 @@ Fields: ``bending_friction_moment_1``, ``bending_friction_moment_2``, ``bending_
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Switch,
-    of_the_laws,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import of_the_laws, switch_of_materials
 from lcmchain.materials.law import Material, bending_losses_of
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "bending_rubs",
+    "without_bending_friction",
     entry="material.bending.friction_1, material.bending.friction_2",
     without="what keeps fibres bent when the load is gone",
-    called=stated_by_materials("bending_rubs"),
-    off=out_of_materials("bending_rubs", "without_bending_friction"),
-    on=refused("the material states no friction; give material.bending.friction_1"),
+    why_not_on="the material states no friction; give material.bending.friction_1",
 )
 
 

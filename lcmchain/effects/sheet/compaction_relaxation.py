@@ -10,22 +10,16 @@ Fields: ``compaction_strain_before``, ``compaction_stress_before``, ``relaxing_w
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Switch,
-    of_the_laws,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import of_the_laws, switch_of_materials
 from lcmchain.materials.features.relaxation import relaxation_of
 from lcmchain.materials.law import Material
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "relaxes",
+    "without_relaxation",
     entry="material.viscous.compaction",
     without="how the pressure on the fabric relaxes",
-    called=stated_by_materials("relaxes"),
-    off=out_of_materials("relaxes", "without_relaxation"),
-    on=refused("the material states no relaxing compaction; give material.viscous.compaction"),
+    why_not_on="the material states no relaxing compaction; give material.viscous.compaction",
 )
 
 

@@ -9,20 +9,14 @@ Fields: one per number, named by the law; ``energy_inelastic`` (history).
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Switch,
-    of_the_elements,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import of_the_elements, switch_of_materials
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "remembers",
+    "without_memory",
     entry="material.law",
     without="what remains of a compaction that is taken back",
-    called=stated_by_materials("remembers"),
-    off=out_of_materials("remembers", "without_memory"),
-    on=refused('the law remembers nothing; use law = "fabric-with-set"'),
+    why_not_on='the law remembers nothing; use law = "fabric-with-set"',
 )
 
 active = of_the_elements("memory")

@@ -10,22 +10,16 @@ Fields: ``shear_friction_moment``, ``shear_friction_loss``, ``shear_strain_rubbe
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Switch,
-    of_the_laws,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import of_the_laws, switch_of_materials
 from lcmchain.materials.features.shear_friction import shear_friction_of
 from lcmchain.materials.law import Material
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "shear_rubs",
+    "without_shear_friction",
     entry="material.membrane.friction",
     without="what keeps fabric sheared when the load is gone",
-    called=stated_by_materials("shear_rubs"),
-    off=out_of_materials("shear_rubs", "without_shear_friction"),
-    on=refused("the material states no friction in shear; give material.membrane.friction"),
+    why_not_on="the material states no friction in shear; give material.membrane.friction",
 )
 
 

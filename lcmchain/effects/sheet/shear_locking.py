@@ -9,21 +9,14 @@ Fields: none; it shows as ``shear_angle``.
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Effect,
-    EffectModel,
-    Switch,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import Effect, EffectModel, switch_of_materials
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "locks",
+    "without_locking",
     entry="material.membrane.locking_angle",
     without="what stops the shear at the locking angle",
-    called=stated_by_materials("locks"),
-    off=out_of_materials("locks", "without_locking"),
-    on=refused(
+    why_not_on=(
         "the material states no locking; give material.membrane.locking_angle and locking_stiffness"
     ),
 )

@@ -11,21 +11,15 @@ Fields: ``viscous_bending_moment_1``, ``viscous_bending_moment_2``, ``viscous_be
 
 from __future__ import annotations
 
-from lcmchain.effects.effect import (
-    Switch,
-    of_the_laws,
-    out_of_materials,
-    refused,
-    stated_by_materials,
-)
+from lcmchain.effects.effect import of_the_laws, switch_of_materials
 from lcmchain.materials.law import Material, bending_losses_of
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "bending_resists_rates",
+    "without_viscous_bending",
     entry="material.bending.viscous_1, material.bending.viscous_2",
     without="what resists the rate of the bending, and its relaxation",
-    called=stated_by_materials("bending_resists_rates"),
-    off=out_of_materials("bending_resists_rates", "without_viscous_bending"),
-    on=refused("the material states no viscosity of bending; give material.bending.viscous_1"),
+    why_not_on="the material states no viscosity of bending; give material.bending.viscous_1",
 )
 
 

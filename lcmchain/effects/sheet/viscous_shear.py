@@ -15,21 +15,18 @@ from lcmchain.effects.effect import (
     Effect,
     EffectModel,
     EffectScene,
-    Switch,
     of_materials,
-    out_of_materials,
-    refused,
-    stated_by_materials,
+    switch_of_materials,
 )
 from lcmchain.materials.features.viscous_shear import viscous_of
 from lcmchain.materials.law import Material
 
-SWITCH = Switch(
+SWITCH = switch_of_materials(
+    "resists_shear_rates",
+    "without_viscosity",
     entry="material.viscous",
     without="what resists the rate of the shear, and its relaxation",
-    called=stated_by_materials("resists_shear_rates"),
-    off=out_of_materials("resists_shear_rates", "without_viscosity"),
-    on=refused("the material states no viscosity; give material.viscous"),
+    why_not_on="the material states no viscosity; give material.viscous",
 )
 
 
