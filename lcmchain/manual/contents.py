@@ -66,7 +66,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "limits",
     ),
     "Reference": ("glossary", "scene-reference", "effects", "presets", "fields", "commands"),
-    "Development": ("extending",),
+    "Development": ("extending", "gpu"),
 }
 
 TOPICS: tuple[str, ...] = tuple(topic for topics in SECTIONS.values() for topic in topics)
