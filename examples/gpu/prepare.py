@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from source import equations
+from source import bending_lines, element_lines, equations, operation_count
 
 from lcmchain.bench.sizes import free_plate
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, SHARE_ROW
@@ -36,6 +36,13 @@ def main() -> None:
         simulation = free_plate(count)
         simulation.set_velocity(bulging(simulation.state.position))
         write(arguments.out / f"plate_{count}", simulation)
+    body = simulation.model.only_body().data
+    for name, lines in (
+        ("an element along the fibres", element_lines(body.law, body.quick_options)),
+        ("a parallelogram", element_lines(body.law, body.options)),
+        ("bending at a node", bending_lines()),
+    ):
+        print(f"operations of {name}: {operation_count(lines)}")
     for name in ("step.cu", "on_gpu.py"):
         shutil.copy(HERE / name, arguments.out / name)
     print(f"{arguments.out}: python on_gpu.py there")

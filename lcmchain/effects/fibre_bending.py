@@ -291,12 +291,6 @@ def curvatures(table: FibreBending, x: np.ndarray) -> np.ndarray:
     return result - table.rest
 
 
-def unfolded(table: FibreBending, x: np.ndarray) -> np.ndarray:
-    """Return the share (mid_count,) of their energy that nodes keep, 1 where nothing is folded."""
-    s = np.minimum(table.per_area2 * _areas2(table, x), 1.0)
-    return s * (2.0 - s)
-
-
 def _areas2(table: FibreBending, x: np.ndarray) -> np.ndarray:
     """Return |t₁ × t₂|² (mid_count,) [m⁴]."""
     first, second = x[table.after] - x[table.before]

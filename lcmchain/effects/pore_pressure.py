@@ -70,7 +70,6 @@ from lcmchain.elements.solid_shell.equations import EIGHTH, mode_components, sca
 from lcmchain.elements.solid_shell.kernel import load_component, store_component
 from lcmchain.elements.vectors import combination2, cross, dot, plus, scaled
 from lcmchain.jit import equation, kernel, routine
-from lcmchain.mesh.hexahedron import MODES
 
 THIRD = 1.0 / 3.0
 
@@ -243,20 +242,6 @@ def resistance_mobilities(elements, position, mobility):
             i = block * LANES + lane
             mass = elements.mass[i]
             mobility[i] = total / mass if mass > 0.0 else 0.0
-
-
-def trilinear_volumes(corners: np.ndarray) -> np.ndarray:
-    """Return the volumes [m³] of hexahedra with corner positions (element_count, 8, 3) [m].
-
-    Plain NumPy, written apart from the compiled form so that each checks the other.
-    """
-    a = np.einsum("kn,end->ked", MODES, corners)
-
-    def triple(i, j, k):
-        return np.einsum("ed,ed->e", np.cross(a[i - 1], a[j - 1]), a[k - 1])
-
-    bent = triple(1, 4, 6) + triple(4, 2, 5) + triple(6, 5, 3)
-    return 8.0 * (triple(1, 2, 3) + bent / 3.0)
 
 
 # --- in the columns of a stack --------------------------------------------------------------------

@@ -127,10 +127,6 @@ class PlySettings:
             return mesh
         return replace(mesh, node_positions=mesh.node_positions + [*self.center, 0.0])
 
-    def with_edge_length(self, edge_length: float) -> PlySettings:
-        """Return the ply with other elements."""
-        return replace(self, blank=self.blank.model_copy(update={"edge_length": edge_length}))
-
     @contextmanager
     def own_keys(self) -> Iterator[None]:
         """Name entries of this ply in the errors of the block, in place of those of ``blank``."""

@@ -29,7 +29,6 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.readable import two_digits
-from lcmchain.quantities.units import length_factor
 from lcmchain.thresholds import LARGEST_RIPPLE
 from lcmchain.tools.distance import EXTRUDED, FIELD, PLANE, REVOLVED
 from lcmchain.tools.profile_corners import build_profile
@@ -334,11 +333,6 @@ class SurfaceMesh(ToolShape):
         description="Unite closed solids of the file that overlap or touch; only the outer "
         "surface of the whole counts. Needs lcmchain[union].",
     )
-
-    @property
-    def length_scale(self) -> float:
-        """Metres per unit of the file."""
-        return length_factor(self.length_unit)
 
     def surface_mesh(self, directory: Path, blank: np.ndarray | None = None) -> Surface:
         # Imported where a tool is a file: what these need of scipy takes as long as other scenes

@@ -18,7 +18,6 @@ from lcmchain.effects.fibre_bending import (
     frequency_bound,
     mid_positions,
     stored_energy,
-    unfolded,
 )
 from lcmchain.effects.switches import effects_of
 from lcmchain.elements.blocks import LANES
@@ -41,6 +40,14 @@ TYPES = ["solid-shell", "membrane-shell"]
 def model_of(element="solid-shell", angle=0.0, **changes):
     text = SCENE.replace("TYPE", element).replace("ANGLE", str(angle))
     return build_model(scene_from_text(text, overrides=[f"{k}={v}" for k, v in changes.items()]))
+
+
+def unfolded(table, x):
+    """Share (mid_count,) of their energy that nodes keep, 1 where nothing is folded."""
+    first, second = x[table.after] - x[table.before]
+    area2 = (np.cross(first, second) ** 2).sum(axis=-1)
+    s = np.minimum(table.per_area2 * area2, 1.0)
+    return s * (2.0 - s)
 
 
 def forces_on_nodes(model, position):

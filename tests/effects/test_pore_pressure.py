@@ -13,7 +13,6 @@ from lcmchain.effects.pore_pressure import (
     pore_forces,
     pore_frequencies,
     resistance_mobilities,
-    trilinear_volumes,
     volumes_and_rates,
 )
 from lcmchain.effects.supports import Support
@@ -22,7 +21,7 @@ from lcmchain.elements.blocks import LANES
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.saved import FrameSeries
-from lcmchain.mesh.hexahedron import NODE_SIGNS
+from lcmchain.mesh.hexahedron import MODES, NODE_SIGNS
 from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
@@ -48,6 +47,17 @@ def crumpled(model, size=0.3e-3, seed=0):
     position[2] += 4.0 * position[0] ** 2 - 3.0 * position[0] * position[1]
     turn = Rotation.from_rotvec([0.3, -0.7, 0.5]).as_matrix()
     return turn @ position + rng.uniform(-size, size, position.shape)
+
+
+def trilinear_volumes(corners):
+    """Volumes [m³] of hexahedra with corner positions (element_count, 8, 3) [m]."""
+    a = np.einsum("kn,end->ked", MODES, corners)
+
+    def triple(i, j, k):
+        return np.einsum("ed,ed->e", np.cross(a[i - 1], a[j - 1]), a[k - 1])
+
+    bent = triple(1, 4, 6) + triple(4, 2, 5) + triple(6, 5, 3)
+    return 8.0 * (triple(1, 2, 3) + bent / 3.0)
 
 
 def volumes(model, position, velocity=None):
