@@ -1,10 +1,10 @@
-"""Steps of the plates that ``prepare.py`` wrote, on a graphics processor with CuPy.
+"""Steps of the cases that ``prepare.py`` wrote, on a graphics processor with CuPy.
 
     python on_gpu.py [--repetitions N]
 
 Positions after some steps are compared with those of the program, in double and in single
 precision of the elements' forces. Times are of graphs of 100 steps, medians, beginning and end of
-a graph included; all else that a run of the program does (contact, checks, energies) is not there.
+a graph included; all else that a run of the program does (checks, energies, forces on tools) is not there.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ import numpy as np
 
 THREADS = 128  # of a block, where none are given
 GRAPH_STEPS = 100
+OF_CONTACT = ("area", "impedance", "offset", "travel", "speed")
+NUMBERS_OF_CONTACT = ("penalty", "tangential_ratio", "damping_ratio", "weight")
 PADDING = 64  # zeros behind the forces, for places where nothing is sent
 HERE = Path(__file__).parent
 
 
-class Plate:
-    """A plate in the memory of the graphics processor."""
+class Case:
+    """A sheet in the memory of the graphics processor."""
 
     def __init__(self, folder: Path, real: str, threads: int) -> None:
         kind = {"double": np.float64, "float": np.float32}[real]
@@ -37,9 +39,10 @@ class Plate:
             for name in ("element_forces", "fibre_bending", "move_nodes")
         }
         g = self.given
+        self.has_tools = "travel" in g
         self.element_count = int(g["element_count"])
         self.node_count, self.middle_count = g["position"].shape[1], g["share"].size
-        exact = {"position", "velocity", "inverse_mass"}
+        exact = {"position", "velocity", "inverse_mass", *OF_CONTACT, "stick"}
         self.on_gpu = {}
         for name, array in g.items():
             if array.ndim:
@@ -57,12 +60,17 @@ class Plate:
 
     def reset(self) -> None:
         """Return to the positions and velocities at the start."""
-        for name in ("position", "velocity"):
+        for name in ("position", "velocity", *(["stick"] if self.has_tools else [])):
             self.on_gpu[name].set(self.given[name])
         cupy.cuda.Device().synchronize()  # graphs run on streams that wait for no other
 
-    def work(self) -> dict[str, tuple[int, tuple]]:
+    def work(self, step: int = 0) -> dict[str, tuple[int, tuple]]:
         """Return the number of threads and the arguments of each kernel."""
+        of_contact: tuple = ()
+        if self.has_tools:
+            numbers = (np.float64(self.given[name]) for name in NUMBERS_OF_CONTACT)
+            arrays = (self.on_gpu[name] for name in OF_CONTACT)
+            of_contact = (np.int32(step), *arrays, *numbers, self.on_gpu["stick"])
         a, i = self.on_gpu, np.int32
         nodes, middles = i(self.node_count), i(self.middle_count)
         return {
@@ -82,30 +90,29 @@ class Plate:
                 (nodes, i(a["slot"].shape[0]), middles, a["slot"], self.corner_force,
                  a["middle_of_node"], a["source"], self.sent, a["share"], a["inverse_mass"],
                  a["position"], a["velocity"], np.float64(self.given["dt"]),
-                 np.float64(self.given["damping"])),
+                 np.float64(self.given["damping"]), *of_contact),
             ),
         }  # fmt: skip
 
     def graph(self, names: tuple[str, ...], steps: int = GRAPH_STEPS) -> cupy.cuda.Graph:
         """Return a graph of so many steps of some kernels, one after the other."""
-        work = self.work()
         stream = cupy.cuda.Stream(non_blocking=True)
         with stream:
             stream.begin_capture()
-            for _ in range(steps):
+            for step in range(steps):
+                work = self.work(step)
                 for name in names:
-                    count, arguments = work[name]
-                    self.launch(name, count, arguments)
+                    self.launch(name, *work[name])
             return stream.end_capture()
 
 
-def measured(plate: Plate, names: tuple[str, ...], repetitions: int) -> float:
+def measured(case: Case, names: tuple[str, ...], repetitions: int) -> float:
     """Return the time of a step [µs], the median of graphs of steps."""
-    graph, stream = plate.graph(names), cupy.cuda.Stream(non_blocking=True)
+    graph, stream = case.graph(names), cupy.cuda.Stream(non_blocking=True)
     begin, end = cupy.cuda.Event(), cupy.cuda.Event()
     times = []
     for _ in range(repetitions + 3):
-        plate.reset()
+        case.reset()
         begin.record(stream)
         graph.launch(stream)
         end.record(stream)
@@ -114,16 +121,16 @@ def measured(plate: Plate, names: tuple[str, ...], repetitions: int) -> float:
     return statistics.median(times[3:])
 
 
-def compared(plate: Plate) -> float | None:
+def compared(case: Case) -> float | None:
     """Return how far positions are from those of the program, over how far those moved (rms)."""
-    g = plate.given
+    g = case.given
     if "position_then" not in g:
         return None
-    plate.reset()
+    case.reset()
     stream = cupy.cuda.Stream(non_blocking=True)
-    plate.graph(tuple(plate.kernels), int(g["steps"])).launch(stream)
+    case.graph(tuple(case.kernels), int(g["steps"])).launch(stream)
     stream.synchronize()
-    found = cupy.asnumpy(plate.on_gpu["position"])
+    found = cupy.asnumpy(case.on_gpu["position"])
     moved = np.linalg.norm(g["position_then"] - g["position"])
     return float(np.linalg.norm(found - g["position_then"]) / moved)
 
@@ -137,19 +144,21 @@ def main() -> None:
     device = cupy.cuda.runtime.getDeviceProperties(0)["name"].decode()
     print(device, f"CuPy {cupy.__version__}")
     rows = []
-    for folder in sorted(HERE.glob("plate_*"), key=lambda folder: int(folder.name.split("_")[1])):
+    cases = [file.parent for file in HERE.glob("*/arrays.npz")]
+    for folder in sorted(cases, key=lambda folder: (folder / "arrays.npz").stat().st_size):
         for real in ("double", "float"):
-            plate = Plate(folder, real, arguments.threads)
-            row = {
-                "elements": plate.element_count,
+            case = Case(folder, real, arguments.threads)
+            row: dict[str, Any] = {
+                "case": folder.name,
+                "elements": case.element_count,
                 "real": real,
-                "threads": plate.threads,
+                "threads": case.threads,
                 "device": device,
             }
-            row["difference"] = compared(plate)
-            row["step"] = measured(plate, tuple(plate.kernels), arguments.repetitions)
-            for name, kernel in plate.kernels.items():
-                row[name] = measured(plate, (name,), arguments.repetitions)
+            row["difference"] = compared(case)
+            row["step"] = measured(case, tuple(case.kernels), arguments.repetitions)
+            for name, kernel in case.kernels.items():
+                row[name] = measured(case, (name,), arguments.repetitions)
                 row[f"{name}_registers"] = kernel.num_regs
                 row[f"{name}_local_bytes"] = kernel.local_size_bytes
             rows.append(row)

@@ -1,8 +1,8 @@
-"""Write the step of free plates as CUDA, their arrays, and what the program makes of them.
+"""Write the step of sheets as CUDA, their arrays, and what the program makes of them.
 
     python examples/gpu/prepare.py --out FOLDER [--elements N ...]
 
-The folder then has all that ``on_gpu.py`` needs, which takes NumPy and CuPy alone.
+The hemisphere with holder at mid-stroke, and free plates. The folder then has all that ``on_gpu.py`` needs, which takes NumPy and CuPy alone.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from source import bending_lines, element_lines, equations, operation_count
+from source import bending_lines, contact, element_lines, equations, operation_count
 
+from lcmchain.bench.hemisphere import at_mid_stroke
 from lcmchain.bench.sizes import free_plate
 from lcmchain.effects.fibre_bending import MIDDLE_ROWS, SHARE_ROW
 from lcmchain.elements.blocks import LANES
@@ -32,6 +33,7 @@ def main() -> None:
     parser.add_argument("--elements", type=int, nargs="+", default=[4_000, 64_000, 256_000])
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
+    write(arguments.out / "hemisphere", at_mid_stroke())
     for count in arguments.elements:
         simulation = free_plate(count)
         simulation.set_velocity(bulging(simulation.state.position))
@@ -57,13 +59,15 @@ def bulging(position: np.ndarray) -> np.ndarray:
 
 
 def write(folder: Path, simulation: Simulation) -> None:
-    """Write the equations of a plate, its arrays, and its positions after some steps."""
+    """Write the equations of a sheet, its arrays, and its positions after some steps."""
     folder.mkdir(exist_ok=True)
     model, state = simulation.model, simulation.state
     body = model.only_body().data
-    (folder / "equations.h").write_text(equations(body), encoding="ascii")
     dt = simulation.prepare_steps()
     simulation.make_steps(STEPS, dt)  # from here on the step is as long as the last one
+    has_tools = bool(model.interactions)
+    text = equations(body) + (contact(model.tools) if has_tools else "")
+    (folder / "equations.h").write_text(text, encoding="ascii")
     arrays = {
         "element_count": model.element_count,
         "dt": dt,
@@ -79,10 +83,34 @@ def write(folder: Path, simulation: Simulation) -> None:
         "inverse_mass": model.nodes.inverse_mass,
         **bending_arrays(simulation),
     }
-    if model.element_count <= MOST_COMPARED:
+    if has_tools:
+        arrays |= contact_arrays(simulation, dt)
+    elif model.element_count <= MOST_COMPARED:
         simulation.make_steps(STEPS, dt)
-        arrays |= {"steps": STEPS, "position_then": simulation.state.position}
+    else:
+        np.savez_compressed(folder / "arrays.npz", **arrays)
+        return
+    arrays |= {"steps": STEPS, "position_then": simulation.state.position}
     np.savez_compressed(folder / "arrays.npz", **arrays)
+
+
+def contact_arrays(simulation: Simulation, dt: float) -> dict[str, np.ndarray]:
+    """Return what contact asks for; makes the steps, for where the tools are in each of them."""
+    model, state = simulation.model, simulation.state
+    environment, nodes = model.environment, model.nodes
+    if environment.depth_time is not None or model.averaging is not None or nodes.free is not None:
+        raise SystemExit("depths held at zero, averaged damping and supports are not written down")
+    found = {
+        "stick": state.stick.copy(), "area": nodes.area, "impedance": nodes.impedance,
+        "offset": nodes.offset, "penalty": environment.penalty,
+        "tangential_ratio": environment.tangential_ratio,
+        "damping_ratio": environment.contact_damping_ratio, "weight": environment.gravity,
+    }  # fmt: skip
+    travel, speed = np.empty((2, STEPS, len(model.tool_names)))
+    for step in range(STEPS):
+        travel[step], speed[step] = state.tool_travel, state.tool_velocity
+        simulation.make_steps(1, dt)
+    return found | {"travel": travel, "speed": speed}
 
 
 def bending_arrays(simulation: Simulation) -> dict[str, np.ndarray]:

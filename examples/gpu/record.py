@@ -22,9 +22,15 @@ from numba.core.dispatcher import Dispatcher
 
 
 class Recorder:
-    """Operations in the order in which they were made, equal ones once."""
+    """Operations in the order in which they were made, equal ones once.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    kind : type of the numbers in C.
+    """
+
+    def __init__(self, kind: str = "real") -> None:
+        self.kind = kind
         self.lines: list[str] = []
         self.known: dict[str, Number] = {}
 
@@ -32,13 +38,15 @@ class Recorder:
         """Return a number that is worked out by an expression of C."""
         if expression not in self.known:
             name = f"v{len(self.known)}"
-            self.lines.append(f"const real {name} = {expression};")
+            self.lines.append(f"const {self.kind} {name} = {expression};")
             self.known[expression] = Number(self, name)
         return self.known[expression]
 
 
 class Number:
     """A number whose operations are written down."""
+
+    __array_ufunc__ = None  # numbers of NumPy leave operations with this one to it
 
     def __init__(self, recorder: Recorder, name: str) -> None:
         self.recorder, self.name = recorder, name
@@ -48,7 +56,9 @@ class Number:
 
     def of(self, form: str, *others: Any) -> Number:
         """Return what a form of C makes of this number and of others."""
-        return self.recorder.number(form.format(self.name, *map(spelled, others)))
+        kind = self.recorder.kind
+        values = (spelled(other, kind) for other in others)
+        return self.recorder.number(form.format(self.name, *values))
 
     def __add__(self, other: Any) -> Any:
         return self if is_zero(other) else self.of("{} + {}", other)
@@ -75,6 +85,17 @@ class Number:
     def __neg__(self) -> Number:
         return self.of("-{}")
 
+    def __ne__(self, other: Any) -> Any:
+        return self.of("{} != {}", other)
+
+    __hash__ = object.__hash__
+
+    def __and__(self, other: Any) -> Any:
+        return self.of("{} && {}", other)
+
+    def __or__(self, other: Any) -> Any:
+        return self.of("{} || {}", other)
+
     def __ge__(self, other: Any) -> Any:
         return self.of("{} >= {}", other)
 
@@ -99,9 +120,13 @@ def is_zero(value: Any) -> bool:
     return not isinstance(value, Number) and value == 0.0
 
 
-def spelled(value: Any) -> str:
-    """Return a number as C reads it."""
-    return value.name if isinstance(value, Number) else f"(real){float(value)!r}"
+def spelled(value: Any, kind: str) -> str:
+    """Return a number as C reads it; one of Python gets a type."""
+    if isinstance(value, Number):
+        return value.name
+    if math.isinf(value):  # no length is as large, and CUDA knows no name for it
+        return "1e308" if value > 0.0 else "-1e308"
+    return f"({kind}){float(value)!r}"
 
 
 def either(name: str) -> Callable[..., Any]:
@@ -121,6 +146,11 @@ def root(value: Any) -> Any:
     return value.of("sqrt({})") if isinstance(value, Number) else math.sqrt(value)
 
 
+def choose(condition: Any, one: Any, other: Any) -> Any:
+    """Return what :func:`lcmchain.packs.choose` does, for numbers of both kinds."""
+    return chosen_of(condition, lambda: one, lambda: other)
+
+
 def chosen_of(condition: Any, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
     """Return one value or the other, or the number of C that is one of both."""
     if isinstance(condition, Number):
@@ -132,7 +162,7 @@ def chosen_of(condition: Any, one: Callable[[], Any], other: Callable[[], Any]) 
 BY_NAME: dict[str, Any] = {
     "max": either("max"),
     "min": either("min"),
-    "math": SimpleNamespace(sqrt=root),
+    "math": SimpleNamespace(sqrt=root, inf=math.inf),
     "chosen_of": chosen_of,
 }
 
@@ -224,4 +254,7 @@ class Rows:
 
     def stores(self, form: str) -> list[str]:
         """Return statements of C that write what was written, row and value put into a form."""
-        return [form.format(row, spelled(value)) for row, value in self.written.items()]
+        return [
+            form.format(row, spelled(value, self.recorder.kind))
+            for row, value in self.written.items()
+        ]
