@@ -4,7 +4,8 @@
 
 Positions after some steps are compared with those of the program, in double and in single
 precision of the elements' forces. Times are of graphs of 100 steps, medians, beginning and end of
-a graph included; all else that a run of the program does (checks, energies, forces on tools) is not there.
+a graph included; what else a run of the program does (checks, energies, forces on tools) is not
+there.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import json
 import statistics
 from pathlib import Path
+from typing import Any
 
 import cupy
 import numpy as np

@@ -2,7 +2,8 @@
 
     python examples/gpu/prepare.py --out FOLDER [--elements N ...]
 
-The hemisphere with holder at mid-stroke, and free plates. The folder then has all that ``on_gpu.py`` needs, which takes NumPy and CuPy alone.
+The hemisphere with holder at mid-stroke, and free plates. The folder then has all that
+``on_gpu.py`` needs, which takes NumPy and CuPy alone.
 """
 
 from __future__ import annotations

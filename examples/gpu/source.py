@@ -2,8 +2,8 @@
 
 Two loops make a step. In the first, every element writes the forces on its corners, and every node
 of the mid-surface what its fibres send each other in bending. In the second every node sums up what
-it is sent, in the order of its slots, is pressed by the tools that it touches, and moves. Nothing else is shared, so that each place of a
-loop may be one thread.
+it is sent, in the order of its slots, is pressed by the tools that it touches, and moves. Nothing
+else is shared, so that each place of a loop may be one thread.
 """
 
 from __future__ import annotations
