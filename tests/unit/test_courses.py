@@ -243,24 +243,35 @@ def test_a_stack_tells_them_for_each_ply():
     assert len(joint_widths(ply_sheet(groups, "ply_2"))) == 2
 
 
-def test_a_mesh_gets_no_fibres_from_an_open_joint(tmp_path):
-    """Cells of 1 mm over a gap of 3 mm from -7 to -4 mm; their fibre mass is that of the sheet."""
+def mapped_over(groups, folder, **options):
+    """Map onto cells of 1 mm around the joint at -4 mm; return their middles [mm] and the file."""
     x, y = np.meshgrid(np.arange(-10, 11) * 1e-3, np.arange(-20, 6) * 1e-3, indexing="ij")
     number = np.arange(x.size).reshape(x.shape)
     corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
     cells = np.stack([part.ravel() for part in corners], axis=1)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
-    meshio.Mesh(points, [("quad", cells)]).write(tmp_path / "target.vtu")
-    groups = laid_by_hand(scene_of(), (0, -3e-3, 0), (0, 0, 0), (0, 0, 0))
-    options = MappingOptions(allow_unmapped=True, maximum_distance=1e-4)
-    map_file(groups["/"], tmp_path / "target.vtu", tmp_path / "mapped.nc", options)
-    mapped = xr.load_dataset(tmp_path / "mapped.nc")
-    middle = points[cells].mean(axis=1)[:, 1]
-    in_gap = (middle > -7e-3) & (middle < -4e-3)
-    mass = mapped["areal_fibre_mass"].values
+    meshio.Mesh(points, [("quad", cells)]).write(folder / "target.vtu")
+    options = MappingOptions(allow_unmapped=True, **options)
+    map_file(groups["/"], folder / "target.vtu", folder / "mapped.nc", options)
+    return 1e3 * points[cells].mean(axis=1)[:, 1], xr.load_dataset(folder / "mapped.nc")
+
+
+@pytest.mark.parametrize("gap", [3e-3, 0.4e-3])
+def test_an_open_joint_covers_nothing_of_a_mesh(gap, tmp_path):
+    groups = laid_by_hand(scene_of(), (0, -gap, 0), (0, 0, 0), (0, 0, 0))
+    middle, mapped = mapped_over(groups, tmp_path)
+    over = np.clip(middle + 0.5, None, -4.0) - np.clip(middle - 0.5, -4.0 - 1e3 * gap, None)
+    assert np.allclose(mapped["mapping_coverage"], 1.0 - np.clip(over, 0.0, 1.0), atol=1e-9)
+    # as at a rim, cells take the values of the sheet beside them
     full = groups["/"]["areal_fibre_mass"].values[0, 0]
-    assert np.isnan(mass[in_gap]).all() and in_gap.sum() == 60
-    assert np.allclose(mass[~in_gap], full, rtol=1e-9)
+    assert np.allclose(mapped["areal_fibre_mass"], full, rtol=1e-9)
+
+
+def test_cells_further_from_the_strips_than_is_allowed_are_unmapped(tmp_path):
+    groups = laid_by_hand(scene_of(), (0, -3e-3, 0), (0, 0, 0), (0, 0, 0))
+    middle, mapped = mapped_over(groups, tmp_path, maximum_distance=1e-4)
+    in_gap = (middle > -7.0) & (middle < -4.0)
+    assert np.array_equal(np.isnan(mapped["areal_fibre_mass"].values), in_gap)
 
 
 # --- what else knows them -------------------------------------------------------------------------
