@@ -2,6 +2,9 @@
 
 Getters and setters are of our own: fields travel whole, where the stock ones call a function for
 every variable (and reshape with an argument that NumPy 2.4 no longer has).
+
+Calls that are those of FMI 2.0 stand here once more, and in no common base class: pythonfmu3 may
+look up a method in the dictionary of the very first class alone (``entry_fmi3.py``).
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from lcmchain.report.style import CAPTIONS, START_PICTURE
 from lcmchain.results.folder import SUMMARY_FILE
 from lcmchain.results.log import LOG_FILE
 from lcmchain.scene import Scene
+from lcmchain.scene.draping import courses_to_lay
 
 #: Files that a run writes under names of its own; each mapping adds files of its name.
 OWN_FILES = ("forming.nc", "forming.vtu", "forming.pvd", "report.html", SUMMARY_FILE, LOG_FILE)
@@ -68,7 +69,7 @@ def _draped_files(scene: Scene) -> list[str]:
         return []
     patterns = [
         f"{COURSE_FILE}{course.name}.{end}"
-        for course in scene.draping.courses
+        for course in courses_to_lay(scene.draping, scene.stack)
         for end in ("csv", "dxf")
     ]
     return [PLY_TABLE, *([JOINT_TABLE] if patterns else []), *patterns]

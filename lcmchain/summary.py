@@ -21,6 +21,7 @@ from lcmchain.judgements.contact import (
     hidden_compaction_warnings,
     penetration_warnings,
 )
+from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.judgements.fields import fibre_strain_measures, fibre_strain_warnings, field_warnings
 from lcmchain.judgements.quasi_static import (
     balance_warning,
@@ -41,6 +42,7 @@ from lcmchain.thresholds import LARGEST_PENETRATION, TOUCHED_PART
 if TYPE_CHECKING:
     import xarray as xr
 
+    from lcmchain.materials.law import Material
     from lcmchain.model import Model
     from lcmchain.scene import Scene
     from lcmchain.solver.simulation import Simulation
@@ -131,6 +133,7 @@ def run_summary(
         **field_summary(datasets),
         **stack_summary(datasets),
         **tool_stops(model, state),
+        **_joints(datasets, model),
         **_grippers(datasets[HISTORY]),
         "penetration_max_m": dict(
             zip(model.tool_names, state.penetration_max.tolist(), strict=True)
@@ -180,14 +183,33 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
     from lcmchain.fields.stack import plies_of
     from lcmchain.fields.table import NO_THICKNESS
 
+    def told(sheet: xr.Dataset, material: Material) -> list[str]:
+        return field_warnings(sheet, material) + joint_warnings(sheet, material.thickness)
+
     if len(model.bodies) == 1:
-        return field_warnings(datasets["/"], model.bodies[0].material)
+        return told(datasets["/"], model.bodies[0].material)
     return [
         f"{name}: {text}"
         for body, (name, groups) in zip(model.bodies, plies_of(datasets), strict=True)
-        for text in field_warnings(groups["/"], body.material)
+        for text in told(groups["/"], body.material)
         if text != NO_THICKNESS  # told of the scene's elements
     ]
+
+
+def _joints(datasets: Mapping[str, xr.Dataset], model: Model) -> dict[str, Any]:
+    """Return how wide the joints of plies in courses are; nothing without any."""
+    from lcmchain.fields.courses import joint_widths
+    from lcmchain.fields.stack import plies_of
+
+    if len(model.bodies) == 1:
+        found = [joint.as_dict() for joint in joint_widths(datasets["/"])]
+    else:
+        found = [
+            {"ply": name, **joint.as_dict()}
+            for name, groups in plies_of(datasets)
+            for joint in joint_widths(groups["/"])
+        ]
+    return {"joints": found} if found else {}
 
 
 def _grippers(history: xr.Dataset) -> dict[str, Any]:

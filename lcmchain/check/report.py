@@ -23,6 +23,7 @@ from lcmchain.check.remarks import scene_warnings
 from lcmchain.check.tables import (
     closing_table,
     cost_table,
+    course_tables,
     effect_table,
     gap_table,
     preview_table,
@@ -156,6 +157,9 @@ def _draping_preview(
 
 
 def _preview_of_one(scene: Scene, blank: BlankMesh, tools: ToolTable) -> list[tuple[str, str]]:
+    # strips that are pressed from the flat part otherwise than strips that are laid one by one
+    whole = scene.blank.model_copy(update={"courses": None})  # type: ignore[union-attr]
+    scene = scene.model_copy(update={"blank": whole})
     try:
         return list(_rows(drape(scene, tools=tools, blank=blank)))
     except InputError as error:
@@ -214,6 +218,7 @@ class CheckReport:
         """Lay out for a terminal what decides whether to start: gaps, cost, pace, preview."""
         return [
             *stack_tables(self.scene, self.ply_counts),
+            *course_tables(self.scene),
             *stage_table(self.scene),
             *gap_table(self.gaps, self.scene.stack.least_thickness, self.initial_overlap),
             *closing_table(self.closing, self.scene),

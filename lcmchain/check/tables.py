@@ -134,6 +134,26 @@ def active_in_words(effects: list[Effect]) -> str:
     return ", ".join(effect.name for effect in effects if effect.active)
 
 
+def course_tables(scene: Scene) -> list[Table]:
+    """Courses that each ply is laid in, and the joints between them."""
+    tables = []
+    for ply in scene.stack:
+        if ply.courses is None:
+            continue
+        of_ply = "" if len(scene.stack) == 1 else f" of {ply.name}"
+        gap = ply.courses.gap
+        joint = f"{1e3 * gap:.4g} mm open" if gap else "butt joints"
+        table = _table(
+            f"Courses{of_ply}, {joint}: from the lowest along fibre 2", "course", "from", "to",
+            "width",
+        )  # fmt: skip
+        for name, strip in ply.strips.items():
+            low, high = 1e3 * strip[0], 1e3 * strip[1]
+            table.add_row(name, f"{low:.4g} mm", f"{high:.4g} mm", f"{high - low:.4g} mm")
+        tables.append(table)
+    return tables
+
+
 def effect_table(
     effects: list[Effect],
     parts: Mapping[str, float] = NO_PARTS,

@@ -27,10 +27,12 @@ from lcmchain.draping.net import ACCURACY, PLACED, UNREACHED, lay_start_line, un
 from lcmchain.draping.start import NetStart, SteeredLine, nearest_place, tangent_frame
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
+from lcmchain.fields.courses import mean_of_faces, signed_distance
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.mesh.courses import strip_of
 from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
-from lcmchain.scene.draping import Course
+from lcmchain.scene.draping import Course, courses_to_lay
 from lcmchain.scene.stack import PlySettings
 
 #: Part of the blank's area that strips may leave uncovered: rounding.
@@ -55,10 +57,25 @@ def lay_courses(scene: Scene, surface: DrapedSurface, begin: NetStart) -> tuple[
             "divides a blank without holes, darts and slits; leave these out, or the courses",
             key="draping.courses",
         )
+    courses = courses_to_lay(scene.draping, scene.stack)
     strips = [
-        _part_of(ply, course, f"draping.courses[{number}]")
-        for number, course in enumerate(scene.draping.courses)
+        _part_of(ply, course, f"draping.courses[{number}]") for number, course in enumerate(courses)
     ]
+    if scene.draping.courses:  # those of the ply itself may leave gaps at their joints
+        _require_cover(ply, strips)
+    nets = []
+    for number, (course, part) in enumerate(zip(courses, strips, strict=True)):
+        key = f"draping.courses[{number}]"
+        outline = np.array(part.exterior.coords[:-1])
+        blank = _mesh_of(ply, outline, f"{key}.strip")
+        start = _start_of(scene, surface, begin, course, blank, part, key)
+        edge_length = ply.blank.edge_length
+        nets.append(lay(surface, blank, start, edge_length, course.name, course.strip, outline))
+    return tuple(nets)
+
+
+def _require_cover(ply: PlySettings, strips: Sequence[shapely.Polygon]) -> None:
+    """Refuse strips that leave some of the blank uncovered."""
     left = ply.contours.polygon.difference(shapely.union_all(strips))
     if left.area > UNCOVERED * ply.contours.area:
         where = np.array(left.representative_point().coords[0])
@@ -67,15 +84,6 @@ def lay_courses(scene: Scene, surface: DrapedSurface, begin: NetStart) -> tuple[
             f"{millimetres(where, 1)}; give further courses, or a smaller blank",
             key="draping.courses",
         )
-    nets = []
-    for number, (course, part) in enumerate(zip(scene.draping.courses, strips, strict=True)):
-        key = f"draping.courses[{number}]"
-        outline = np.array(part.exterior.coords[:-1])
-        blank = _mesh_of(ply, outline, f"{key}.strip")
-        start = _start_of(scene, surface, begin, course, blank, part, key)
-        edge_length = ply.blank.edge_length
-        nets.append(lay(surface, blank, start, edge_length, course.name, course.strip, outline))
-    return tuple(nets)
 
 
 def _axes(ply: PlySettings) -> np.ndarray:
@@ -86,12 +94,7 @@ def _axes(ply: PlySettings) -> np.ndarray:
 
 def _part_of(ply: PlySettings, course: Course, key: str) -> shapely.Polygon:
     """Return the part of the blank that a course is cut from, anticlockwise."""
-    axes, whole = _axes(ply), ply.contours.polygon
-    along = np.array(whole.exterior.coords) @ axes[0]
-    low, high = course.strip
-    corners = [(u, v) for u in (along.min() - 1.0, along.max() + 1.0) for v in (low, high)]
-    box = shapely.Polygon(np.array(corners)[[0, 2, 3, 1]] @ axes)
-    part = whole.intersection(box)
+    part = strip_of(ply.contours.polygon, ply.blank.fibre_angle, course.strip)
     if not isinstance(part, shapely.Polygon) or part.is_empty or part.interiors:
         what = "no piece" if part.area == 0.0 else "several pieces"
         raise InputError(
@@ -104,7 +107,8 @@ def _part_of(ply: PlySettings, course: Course, key: str) -> shapely.Polygon:
 
 def _mesh_of(ply: PlySettings, outline: np.ndarray, key: str) -> BlankMesh:
     """Mesh the part of the ply inside an outline (n, 2) [m]."""
-    strip = replace(ply, blank=ply.blank.with_outline(outline - np.array(ply.center)))
+    whole = ply.blank.model_copy(update={"courses": None})
+    strip = replace(ply, blank=whole.with_outline(outline - np.array(ply.center)))
     try:
         return strip.build_blank()
     except InputError as error:
@@ -194,8 +198,6 @@ def _carried(
 
 #: Parts of the bars' length: nodes nearer to the edge of a strip lie on it.
 ON_EDGE = 1e-6
-#: Places of the nearest point beyond an end of the other edge, in parts of its last piece.
-BEYOND = 1e-6
 
 
 @dataclass(frozen=True)
@@ -262,8 +264,8 @@ def _joint(below: LaidNet, above: LaidNet, first: int) -> Joint:
     assert below.strip is not None and above.strip is not None
     upper, lower = _edge(below, below.strip[1]), _edge(above, above.strip[0])
     places = below.positions[upper]
-    inside = _middles(below)[upper]
-    gap = _signed_distance(places, inside, above.positions[lower])
+    inside = mean_of_faces(below.mesh.elements, below.positions)[upper]
+    gap = signed_distance(places, inside, above.positions[lower])
     return Joint(
         below.name,
         above.name,
@@ -282,36 +284,3 @@ def _edge(net: LaidNet, at: float) -> np.ndarray:
     length = min(float(bars.min()) for bars in net.net_lengths)
     on_edge = np.flatnonzero(np.abs(heights - at) < ON_EDGE * length)
     return on_edge[np.argsort(net.coordinates[on_edge, 0])]
-
-
-def _middles(net: LaidNet) -> np.ndarray:
-    """Return the mean of the middles of the faces around each node [m] (node_count, 3)."""
-    faces = net.mesh.elements
-    middles = net.positions[faces].mean(axis=1)
-    total, count = np.zeros_like(net.positions), np.zeros(net.mesh.node_count)
-    for corner in range(4):
-        np.add.at(total, faces[:, corner], middles)
-        np.add.at(count, faces[:, corner], 1.0)
-    return total / count[:, None]
-
-
-def _signed_distance(places: np.ndarray, inside: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return distances of places (n, 3) from a line (m, 3) [m], negative where it is inside.
-
-    inside : points of the course beside the places (n, 3).
-    """
-    gap = np.full(len(places), np.nan)
-    if len(line) < 2:
-        return gap
-    start, way = line[:-1], np.diff(line, axis=0)
-    share = ((places[:, None] - start) * way).sum(-1) / (way * way).sum(-1)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
-    distance = np.linalg.norm(places[:, None] - nearest, axis=-1)
-    distance = np.where(np.isnan(distance), np.inf, distance)
-    rows, best = np.arange(len(places)), np.argmin(distance, axis=1)
-    before_it = (best == 0) & (share[rows, best] < -BEYOND)
-    behind_it = (best == len(way) - 1) & (share[rows, best] > 1.0 + BEYOND)
-    known = np.isfinite(distance[rows, best]) & ~before_it & ~behind_it
-    outward = ((nearest[rows, best] - places) * (places - inside)).sum(-1)
-    gap[known] = (np.sign(outward) * distance[rows, best])[known]
-    return gap

@@ -23,7 +23,7 @@ from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.mesh.sheet_mesh import shear_angles
 from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import Scene
-from lcmchain.scene.draping import FOLDED
+from lcmchain.scene.draping import FOLDED, courses_to_lay
 from lcmchain.tools.table import ToolTable, build_tool_table
 
 #: Shear angle that is reported as locking where neither scene nor material gives one [rad].
@@ -173,7 +173,7 @@ def drape(
     surface = draped_surface(scene, tools, blank.mid_surface_positions)
     start = time.perf_counter()
     begin = start_of(scene, surface, blank, tools)
-    if scene.draping.courses:
+    if courses_to_lay(scene.draping, scene.stack):
         nets = lay_courses(scene, surface, begin)
     else:
         nets = (lay(surface, blank, begin, ply.blank.edge_length, ply.name),)

@@ -11,6 +11,7 @@ from lcmchain.draping.drape import Draped
 from lcmchain.draping.surface import ASKER, end_travel
 from lcmchain.effects.effect import Effect
 from lcmchain.fields import FrameSeries, LaidSheet, field_summary, laid_datasets
+from lcmchain.fields.courses import course_field, gap_field
 from lcmchain.fields.dataset import SHEET, SHEET_MESH
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.sheet import COURSE, JOINT_GAP
@@ -69,28 +70,12 @@ def draped_datasets(scene: Scene, draped: Draped) -> dict[str, xr.Dataset]:
 
 def _with_courses(sheet: xr.Dataset, draped: Draped) -> xr.Dataset:
     """Add the number of the course to every face, and the gap of the joints to their nodes."""
-    flags = np.arange(len(draped.courses), dtype=np.int32)
     gap = np.full((2, draped.mesh.node_count), np.nan)
     for joint in joints_of(draped.courses):
         gap[0, joint.nodes], gap[1, joint.nodes] = joint.nominal, joint.gap
-    course = SHEET_MESH.on_cells(
-        np.tile(draped.course_of_face.astype(np.int32), (2, 1)),
-        {
-            "long_name": "course of the ply that the face belongs to",
-            "units": "1",
-            "flag_values": flags,
-            "flag_meanings": " ".join(net.name for net in draped.courses),
-        },
-    )
-    joint_gap = SHEET_MESH.on_nodes(
-        gap,
-        {
-            "long_name": "gap between courses",
-            "units": "m",
-            "comment": "on the upper edge of each course: distance to the "
-            "edge of the next one, negative where they overlap; not a number elsewhere",
-        },
-    )
+    names = [net.name for net in draped.courses]
+    course = SHEET_MESH.on_cells(*course_field(np.tile(draped.course_of_face, (2, 1)), names))
+    joint_gap = SHEET_MESH.on_nodes(*gap_field(gap))
     return sheet.assign({COURSE: course, JOINT_GAP: joint_gap})
 
 

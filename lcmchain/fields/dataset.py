@@ -12,6 +12,7 @@ import numpy as np
 
 from lcmchain.elements.families import family_of
 from lcmchain.fields.between_plies import BetweenPlies
+from lcmchain.fields.courses import course_fields, gap_fields
 from lcmchain.fields.derived import (
     TWO_ALONG_THE_AXES,
     derive_fields,
@@ -20,7 +21,7 @@ from lcmchain.fields.derived import (
 )
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.saved import HISTORY, FrameSeries, Histories, history_dataset
-from lcmchain.fields.sheet import BUCKLES, FROM_PLY_AXIS
+from lcmchain.fields.sheet import BUCKLES, COURSE, FROM_PLY_AXIS, JOINT_GAP
 from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
 from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
@@ -54,6 +55,10 @@ if TYPE_CHECKING:
 SHEET, SOLID = ROOT, "/solid"
 SHEET_MESH = UgridMesh("sheet")
 SOLID_MESH = UgridMesh("solid", topology_dimension=3)
+
+#: Fields that a group of a ply has, and the group of all plies has not: courses have numbers of
+#: their own in every ply.
+OF_ONE_PLY = (COURSE, JOINT_GAP)
 
 #: Attribute of ``wrinkle_height``: the longest wave that counts as wrinkle [m].
 WRINKLE_LENGTH = "longest_wave_m"
@@ -172,7 +177,7 @@ class SheetFrames:
         for entry, value in zip(remembered(self.material.law), np.moveaxis(self.history, 1, 0)):
             attributes = {"units": entry.unit, "long_name": entry.meaning}
             variables[entry.name] = (np.ascontiguousarray(value), attributes)
-        return variables
+        return variables | course_fields(self.mesh, len(self.positions))
 
     def node_fields(self) -> dict[str, Described]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
@@ -188,7 +193,7 @@ class SheetFrames:
                 variables[name] = (values, FIELDS[name].attributes(name))
             if self.between_plies is not None:
                 variables |= self.between_plies.fields(side, nodes)
-        return variables
+        return variables | gap_fields(self.mesh, self.mesh.mid_surface(self.positions))
 
 
 def build_datasets(
@@ -450,7 +455,8 @@ def _through_stack(
 def _joined(fields: Sequence[dict[str, Described]], counts: Sequence[int]) -> dict[str, Described]:
     """Return the fields of several sheets one after the other, nan where a sheet has none."""
     joined = {}
-    for name in dict.fromkeys(name for own in fields for name in own):
+    names = dict.fromkeys(name for own in fields for name in own)
+    for name in [name for name in names if name not in OF_ONE_PLY]:
         values, attributes = next(own[name] for own in fields if name in own)
         # what plies do not share is no attribute of all
         unlike = [

@@ -29,6 +29,8 @@ NONE = -1
 # Rim edges nearer to the middle of a facet than this multiple of its own half diagonal and of the
 # largest edge of all facets can cover points that face it.
 RIM_RADIUS = 1.5
+# Lips of a cut lie at each other before forming, up to this part of an edge.
+SAME_PLACE = 1e-6
 
 # Damping of the springs, as a part of critical, where two plies of equal meshes vibrate on them.
 # Surfaces that are taken anew now and then feed vibrations by parts of their energy, each time;
@@ -546,6 +548,9 @@ def _rims(
 
     surface : (facet_count,) number of the face of a ply that a facet belongs to; each has rims of
         its own.
+
+    Of two lips that lie at each other before forming, as of a slit or of courses that butt, a facet
+    has its own: the other one, as near, would tell that the facet lies outside.
     """
     facet, edge = np.nonzero((neighbour == NONE) & (facet_node != np.roll(facet_node, -1, axis=1)))
     ends = np.stack([facet_node[facet, edge], facet_node[facet, (edge + 1) % 4]], axis=1)
@@ -556,15 +561,45 @@ def _rims(
     for number in np.unique(surface[facet]):
         own = np.flatnonzero(surface == number)
         rim = np.flatnonzero(surface[facet] == number)
+        is_lip = _lips(position[ends[rim]])
         for chunk in np.array_split(own, max(1, own.size * rim.size // 2_000_000)):
             distance = _distance_to_edges(middle[chunk], position[ends[rim]])
-            i, j = np.nonzero(distance < RIM_RADIUS * (size[chunk, np.newaxis] + widest))
+            near = distance < RIM_RADIUS * (size[chunk, np.newaxis] + widest)
+            if is_lip.any():
+                near[:, is_lip] &= _is_inside(corner[chunk], position[ends[rim[is_lip]]])
+            i, j = np.nonzero(near)
             near_facet.append(chunk[i])
             near_edge.append(rim[j])
     found, edges = np.concatenate(near_facet), np.concatenate(near_edge)
     order = np.lexsort((edges, found))
     start = np.searchsorted(found[order], np.arange(len(facet_node) + 1))
     return start.astype(np.int32), ends[edges[order]].astype(np.int32)
+
+
+def _lips(ends: np.ndarray) -> np.ndarray:
+    """Return which rim edges (m, 2, 3) [m] of a face lie on others that run the other way (m,)."""
+    from scipy.spatial import cKDTree
+
+    middle, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    pairs = cKDTree(middle).query_pairs(length.max(), output_type="ndarray")
+    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    one, other = pairs[np.einsum("ni,ni->n", along[pairs[:, 0]], along[pairs[:, 1]]) < 0.0].T
+    away = middle[one] - ends[other, 0]
+    part = np.einsum("ni,ni->n", away, along[other]) / length[other] ** 2
+    off = np.linalg.norm(away - part[:, np.newaxis] * along[other], axis=1)
+    lies_on = (off < SAME_PLACE * length[one]) & (part > 0.0) & (part < 1.0)
+    lips = np.zeros(len(ends), dtype=bool)
+    lips[one[lies_on]] = True
+    return lips
+
+
+def _is_inside(corner: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Return whether facets (n, 4, 3) lie on the inner side of rim edges (m, 2, 3): (n, m)."""
+    normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
+    away = corner.mean(axis=1)[:, np.newaxis] - ends[:, 0]
+    across = np.cross(ends[:, 1] - ends[:, 0], away)
+    return np.einsum("ni,nmi->nm", normal, across) > 0.0
 
 
 def _distance_to_edges(points: np.ndarray, ends: np.ndarray) -> np.ndarray:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
+from lcmchain.fields.courses import joint_widths
 from lcmchain.fields.sheet import (
     COURSE,
     reference_positions,
@@ -120,6 +121,24 @@ def crossing_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
                 "(interfaces.itself = true)"
             ]
     return []
+
+
+def joint_warnings(sheet: xr.Dataset, thickness: float) -> list[str]:
+    """Say where courses of a ply with forces have slid into each other.
+
+    Parameters
+    ----------
+    sheet : group of the ply. thickness : of the undeformed fabric [m], up to which edges that butt
+        are not told of.
+    """
+    return [
+        f"courses slide into each other: {joint.below} and {joint.above} overlap by up to "
+        f"{-1e3 * joint.least:.3g} mm, as at {millimetres(joint.place, 1)}; nothing holds edges of "
+        "one ply apart, which butt and buckle in a part, or lie on each other: leave a gap there "
+        "(blank.courses.gap), or move the joint"
+        for joint in joint_widths(sheet)
+        if joint.least < -thickness
+    ]
 
 
 def _lips(positions: np.ndarray, faces: np.ndarray, thickness: float) -> np.ndarray:

@@ -10,7 +10,8 @@ How a blank is meshed:
 - ``lattice.py``: the lattice along the fibres, its best position, and the numbering.
 - ``cut.py``: cells at the outline; ``seams.py`` and ``seam_tips.py``: cells that darts, slits and
   narrow holes part; ``cells.py``: how good cells are, and what step they leave.
-- ``blank.py``: the scene table of a blank, and its mesh of solid elements.
+- ``blank.py``: the scene table of a blank, and its mesh of solid elements; ``courses.py``: strips
+  side by side, each meshed as a blank.
 
 What is asked of meshes:
 

@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import boundary_edges, cell_areas, cell_heights
 from lcmchain.mesh.contours import Contours, Drawn, contours_of
+from lcmchain.mesh.courses import Courses, joined, outlines_of
 from lcmchain.mesh.cut import ON_OUTLINE, LatticeCells
 from lcmchain.mesh.drawing import Drawing
 from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
@@ -122,6 +123,10 @@ class Blank(SceneModel):
     ] = Field(
         default=(),
         description="Cuts without a width, each a line of points, from the rim or inside.",
+    )
+    courses: Annotated[Courses | None, AbsentMeans("one piece")] = Field(
+        default=None,
+        description="Courses that the ply is laid in: strips along fibre 1, side by side.",
     )
     edge_length: PositiveLength = Field(description="Edge length of the elements.")
     fibre_angle: Angle = Field(  # type: ignore[assignment]
@@ -230,6 +235,8 @@ class BlankMesh(UndeformedFrame):
     outline_area : area inside the prescribed outline [m2]; nan where no outline was prescribed.
     step_ratio : stable step of whole elements over that of the cut ones, at least 1, by the stiff
         fibres alone (:mod:`lcmchain.mesh.cells`).
+    course : number of the course of each element (element_count,), the lowest first; None for a
+        blank of one piece (:mod:`lcmchain.mesh.courses`).
     """
 
     node_positions: np.ndarray
@@ -239,6 +246,7 @@ class BlankMesh(UndeformedFrame):
     thickness: float
     outline_area: float = math.nan
     step_ratio: float = 1.0
+    course: np.ndarray | None = None
 
     has_thickness = True
 
@@ -350,8 +358,49 @@ def build_blank(
     ------
     InputError
         An outline that intersects itself or encloses no area, a blank with fewer than two elements
-        across or more than two million in all, an outline too narrow for the edge length.
+        across or more than two million in all, an outline too narrow for the edge length, courses
+        that are no pieces of it.
     """
+    if blank_spec.courses is not None:
+        parts = _parts_of(blank_spec, blank_spec.courses)
+        return joined([
+            _mesh_of_course(name, part, thickness, perturbation, seed)
+            for name, part in zip(blank_spec.courses.names, parts, strict=True)
+        ])  # fmt: skip
+    return _mesh_of(blank_spec, thickness, perturbation, seed)
+
+
+def _mesh_of_course(
+    name: str, part: Blank, thickness: float, perturbation: float, seed: int
+) -> BlankMesh:
+    """Mesh one course; an error names it."""
+    try:
+        return _mesh_of(part, thickness, perturbation, seed)
+    except InputError as error:
+        raise InputError(
+            f"cut off {name}, which cannot be meshed: {error.message}", key="blank.courses.joints"
+        ) from None
+
+
+def _parts_of(blank: Blank, courses: Courses) -> list[Blank]:
+    """Return a blank for each course of one that is laid in several."""
+    if any(blank.cuts.values()):
+        raise InputError(
+            "divides a blank without holes, darts and slits; leave these out, or give the courses "
+            "as [[plies]] with outlines of their own",
+            key="blank.courses",
+        )
+    whole = contours_of(blank)[0]
+    rim = whole.rim
+    check_element_count(rim, whole.area, float(blank.edge_length))
+    outlines = outlines_of(rim, float(blank.fibre_angle), courses)
+    return [
+        blank.with_outline(outline).model_copy(update={"courses": None}) for outline in outlines
+    ]
+
+
+def _mesh_of(blank_spec: Blank, thickness: float, perturbation: float, seed: int) -> BlankMesh:
+    """Mesh a blank of one piece, or one course; as :func:`build_blank`."""
     edge_length = float(blank_spec.edge_length)
     if not (math.isfinite(edge_length) and edge_length > 0.0):
         raise InputError(f"must be positive, got {edge_length:g} m", key="blank.edge_length")

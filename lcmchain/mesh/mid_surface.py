@@ -64,6 +64,7 @@ class MidSurfaceMesh(FlatMesh):
     sheet_faces : the same; a triangle ends with -1.
     fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
     thickness : initial thickness [m].
+    course : number of the course of each face (element_count,); None for one piece.
     """
 
     node_positions: np.ndarray
@@ -72,13 +73,14 @@ class MidSurfaceMesh(FlatMesh):
     fibre_direction_1: np.ndarray
     fibre_direction_2: np.ndarray
     thickness: float
+    course: np.ndarray | None = None
 
     @classmethod
     def of_blank(cls, blank: BlankMesh) -> MidSurfaceMesh:
         """Return the mid-surface of a blank."""
         return cls(
             blank.mid_surface_positions, blank.faces, blank.sheet_faces,
-            blank.fibre_direction_1, blank.fibre_direction_2, blank.thickness,
+            blank.fibre_direction_1, blank.fibre_direction_2, blank.thickness, blank.course,
         )  # fmt: skip
 
     def tangents(self, positions: np.ndarray) -> np.ndarray:
@@ -105,6 +107,7 @@ class TriangleMesh(FlatMesh):
     fibre_direction_1, fibre_direction_2 : unit vectors, shape (element_count, 3).
     thickness : initial thickness [m].
     is_cut : whether some are halved cells at a cut edge.
+    course : number of the course of each triangle (element_count,); None for one piece.
     """
 
     node_positions: np.ndarray
@@ -113,6 +116,7 @@ class TriangleMesh(FlatMesh):
     fibre_direction_2: np.ndarray
     thickness: float
     is_cut: bool = False
+    course: np.ndarray | None = None
 
     @property
     def sheet_faces(self) -> np.ndarray:
@@ -159,6 +163,7 @@ def triangulate(blank: BlankMesh) -> TriangleMesh:
         fibre_direction_2=blank.fibre_direction_2[cells[order]],
         thickness=blank.thickness,
         is_cut=bool(blank.is_triangle.any()),
+        course=None if blank.course is None else blank.course[cells[order]],
     )
 
 

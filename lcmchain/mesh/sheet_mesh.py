@@ -34,6 +34,10 @@ class SheetMesh(Protocol):
         """Unit vectors (element_count, 3)."""
 
     @property
+    def course(self) -> np.ndarray | None:
+        """Number of the course of each element (element_count,); None for a sheet of one piece."""
+
+    @property
     def thickness(self) -> float:
         """Of the undeformed sheet [m]."""
 

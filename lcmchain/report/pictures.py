@@ -52,6 +52,8 @@ from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, o
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
 
@@ -178,15 +180,47 @@ def _lifted(points: np.ndarray, faces: np.ndarray, numbers: np.ndarray) -> np.nd
     return points + heights[:, None] * np.array([0.0, 0.0, span])
 
 
+def _course_colours(sheet: xr.Dataset) -> np.ndarray:
+    """Return a pale colour for every course of a ply (course_count, 4)."""
+    count = len(course_names(sheet))
+    palette = np.array([to_rgba(SERIES[n % len(SERIES)]) for n in range(count)])
+    palette[:, :3] = PALE + (1.0 - PALE) * palette[:, :3]
+    return palette
+
+
+def joint_gaps_shown(sheet: xr.Dataset, frame: int) -> np.ndarray:
+    """Return the known gaps at the joints of a ply in the unit shown."""
+    gaps = GAP.factor * sheet[JOINT_GAP].values[frame]
+    return gaps[np.isfinite(gaps)]
+
+
+def draw_joints(axis: Axes, sheet: xr.Dataset, frame: int, colours: ScalarMappable) -> None:
+    """Draw the courses of a ply from above, with the gaps along their joints."""
+    points = 1e3 * sheet_positions(sheet, frame)
+    faces, numbers = sheet_faces(sheet), sheet[COURSE].values[frame].astype(int)
+    draw_facets(
+        axis, _lifted(points, faces, numbers)[faces], FROM_ABOVE, _course_colours(sheet)[numbers],
+        shaded=False, edge_darkness=0.92, edge_width=0.15,
+    )  # fmt: skip
+    draw_segments(axis, points[boundary_edges(faces)], FROM_ABOVE, INK, 0.7)
+    for number, name in enumerate(course_names(sheet)):
+        middle = points[faces[numbers == number]].mean(axis=(0, 1))
+        axis.text(middle[0], middle[1], name, ha="center", va="center", fontsize=8, color=INK)
+    gaps = GAP.factor * sheet[JOINT_GAP].values[frame]
+    known = np.isfinite(gaps)
+    axis.scatter(
+        points[known, 0], points[known, 1], s=14.0, c=colours.to_rgba(gaps[known]),
+        edgecolors=INK, linewidths=0.25, zorder=4,
+    )  # fmt: skip
+
+
 def draw_courses(path: Path | str, sheet: xr.Dataset, frame: int = -1) -> None:
     """Draw the courses on the formed shape, and from above the gaps along their joints."""
     points = 1e3 * sheet_positions(sheet, frame)
     faces, numbers = sheet_faces(sheet), sheet[COURSE].values[frame]
-    names = course_names(sheet)
+    names, palette = course_names(sheet), _course_colours(sheet)
     gaps = GAP.factor * sheet[JOINT_GAP].values[frame]
     known = np.isfinite(gaps)
-    palette = np.array([to_rgba(SERIES[n % len(SERIES)]) for n in range(len(names))])
-    palette[:, :3] = PALE + (1.0 - PALE) * palette[:, :3]
     rim = boundary_edges(faces)
     view = oblique(from_below=hangs_down(points, rim))
     with matplotlib.rc_context(RC):
@@ -205,22 +239,11 @@ def draw_courses(path: Path | str, sheet: xr.Dataset, frame: int = -1) -> None:
         left.set_axis_off()
         draw_triad(left, view)
         _say_side(figure, view, panel, "courses on the formed shape")
-        draw_facets(
-            right, _lifted(points, faces, numbers)[faces], FROM_ABOVE, palette[numbers],
-            shaded=False, edge_darkness=0.92, edge_width=0.15,
-        )  # fmt: skip
-        draw_segments(right, points[rim], FROM_ABOVE, INK, 0.7)
+        colours = colour_scale(gaps[known], GAP)
+        draw_joints(right, sheet, frame, colours)
         fit_axis(right, points[:, :2], 0.04)
         label_axes(right, "x [mm]", "y [mm]")
         right.set_title("from above, gaps at the joints", color=FAINT, loc="left")
-        for number, name in enumerate(names):
-            middle = points[faces[numbers == number]].mean(axis=(0, 1))
-            right.text(middle[0], middle[1], name, ha="center", va="center", fontsize=8, color=INK)
-        colours = colour_scale(gaps[known], GAP)
-        right.scatter(
-            points[known, 0], points[known, 1], s=14.0, c=colours.to_rgba(gaps[known]),
-            edgecolors=INK, linewidths=0.25, zorder=4,
-        )  # fmt: skip
         if known.any():
             draw_colour_bar(figure, bar, colours, gaps[known], GAP)
             mark_extremes(right, points[known, :2], gaps[known], GAP)

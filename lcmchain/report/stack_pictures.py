@@ -10,11 +10,17 @@ import matplotlib
 import numpy as np
 
 from lcmchain.fields.dataset import SHEET
-from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions, vector
+from lcmchain.fields.sheet import (
+    course_names,
+    reference_positions,
+    sheet_faces,
+    sheet_positions,
+    vector,
+)
 from lcmchain.fields.stack import plies_of
 from lcmchain.report.drawn_tools import RunTools
 from lcmchain.report.fibre_segments import fibre_lines
-from lcmchain.report.pictures import on_faces
+from lcmchain.report.pictures import GAP, draw_joints, joint_gaps_shown, on_faces
 from lcmchain.report.renderer import (
     axes_at,
     draw_colour_bar,
@@ -79,7 +85,7 @@ def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -
     Returns
     -------
     The files written: ``plies_<field>.png`` for the fields that a ply has and for pressure and slip
-    path on every ply that another one lies on,
+    path on every ply that another one lies on, ``plies_courses.png`` of plies in courses,
     ``plies_fibre_directions.png`` and ``exploded.png``.
 
     Raises
@@ -98,6 +104,10 @@ def draw_plies(out_dir: Path, datasets: Mapping[str, xr.Dataset], frame: int = -
         if covered:
             files.append(out_dir / f"plies_{shown.name}.png")
             _draw_field(files[-1], covered, shown, frame, count=len(plies))
+    laid = [(name, sheet) for name, sheet in plies if course_names(sheet)]
+    if laid:
+        files.append(out_dir / "plies_courses.png")
+        _draw_courses(files[-1], laid, frame, len(plies))
     files.append(out_dir / "plies_fibre_directions.png")
     _draw_fibres(files[-1], plies, frame)
     files.append(out_dir / "exploded.png")
@@ -210,6 +220,31 @@ def _draw_fibres(path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int
             bbox_to_anchor=(1.0 - 0.3 / width, 0.99),
         )  # fmt: skip
         headline(figure, "Fibre directions of the plies", _subtitle(plies, frame))
+        save(figure, path)
+
+
+def _draw_courses(
+    path: Path, plies: Sequence[tuple[str, xr.Dataset]], frame: int, count: int
+) -> None:
+    """Draw the plies that are laid in courses from above, with the gaps along their joints.
+
+    count : of all plies.
+    """
+    gaps = [joint_gaps_shown(sheet, frame) for _, sheet in plies]
+    every = np.concatenate(gaps)
+    with matplotlib.rc_context(RC):
+        colours = colour_scale(every, GAP)
+        figure, axes, bar = _panels(len(plies), bar=True)
+        around = _around(plies, frame)
+        for axis, (name, sheet), own in zip(axes, plies, gaps):
+            draw_joints(axis, sheet, frame, colours)
+            told = f": {GAP.text(own.min())} to {GAP.text(own.max())}" if own.size else ""
+            _finish(axis, around, f"{name}{told}")
+        if every.size:
+            draw_colour_bar(figure, bar, colours, every, GAP)
+        else:
+            bar.set_axis_off()
+        headline(figure, GAP.label, f"{_subtitle(plies, frame, count)}  ·  negative: overlap")
         save(figure, path)
 
 

@@ -204,6 +204,8 @@ CAPTIONS: dict[str, str] = {
     },
     "courses.png": "Courses of the ply on the formed shape, and from above the gaps along their "
     "joints; overlaps are negative",
+    "plies_courses.png": "Courses of the plies from above, with the gaps along their joints; "
+    "overlaps are negative",
     "plies_fibre_directions.png": "Fibre lines of all families of every ply, formed and from above",
     "exploded.png": "Formed plies lifted off each other, with their shear angle and fibre lines",
     "fibre_directions.png": "Fibre lines of all families on the formed shape; they followed a "

@@ -15,6 +15,11 @@ from lcmchain.scene.tables import SceneTables
 
 #: Gap between plies at the start that counts as none where resin flows, in parts of the thinner.
 LARGEST_WET_GAP = 0.01
+#: Why the formed sheet of several courses is not filled.
+RESIN_AT_JOINTS = (
+    "fills the formed sheet, whose courses have no common nodes: resin would not cross their "
+    "joints; fill a mesh that it is mapped to ([mapping.infiltration])"
+)
 #: How deep two plies may lie in each other at the start, in parts of the thinner one's thickness.
 DEEPEST_OVERLAP = 0.5
 
@@ -30,6 +35,7 @@ def check_scene(scene: SceneTables) -> None:
     _check_thickness(scene)
     if not scene.element.has_forces:
         _check_draping(scene)
+    _check_courses(scene)
     _check_pressures(scene)
     if len(scene.stack) > 1:
         _check_what_knows_one_sheet(scene)
@@ -195,11 +201,35 @@ def _check_draping(scene: SceneTables) -> None:
             field=loads,
         )
     if scene.draping.courses and scene.infiltration is not None:
+        raise wrong(RESIN_AT_JOINTS, field="infiltration")
+
+
+def _check_courses(scene: SceneTables) -> None:
+    """Refuse what asks a ply that is laid in courses for one piece."""
+    laid = [ply for ply in scene.stack if ply.blank.courses is not None]
+    if not laid:
+        return
+    if scene.draping.courses:
         raise wrong(
-            "fills the formed sheet, whose courses have no common nodes: resin would not cross "
-            "their joints; fill a mesh that it is mapped to ([mapping.infiltration])",
-            field="infiltration",
+            f"lay the courses of a net, but {laid[0].key}.courses lays those of the ply, which "
+            "the net follows too; leave one of them out",
+            field="draping.courses",
         )
+    if scene.draping.start_line is not None:
+        raise wrong(
+            f"is the line of one net, but {laid[0].key}.courses has several; leave one of them out",
+            field="draping.start_line",
+        )
+    if scene.infiltration is not None:
+        raise wrong(RESIN_AT_JOINTS, field="infiltration")
+    for index, gripper in enumerate(scene.grippers):
+        held = [ply for ply in laid if gripper.ply in (None, ply.name)]
+        if gripper.rim and held:
+            raise wrong(
+                f"is true, but {held[0].key}.courses makes several pieces with a rim each; name a "
+                "box, or a loop by a point next to the rim of a course",
+                field=f'grippers[{index}] "{gripper.name}".rim',
+            )
 
 
 def _cases(scene: SceneTables) -> list[tuple[str, Infiltration]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -24,6 +24,9 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.quantities.units import ANGLE
+
+if TYPE_CHECKING:
+    from lcmchain.scene.stack import Stack
 
 #: Shear angle at which the bars of a net count as lying on each other [rad].
 FOLDED = math.radians(89.0)
@@ -173,6 +176,22 @@ class Draping(SceneModel):
                     field=field,
                 )
         return self
+
+
+def courses_to_lay(draping: Draping, stack: Stack) -> tuple[Course, ...]:
+    """Return the courses of the net of a scene; none for a ply of one piece, or a stack.
+
+    They are those of ``[draping]``, else those that the ply is laid in, each with defaults.
+    """
+    if draping.courses or len(stack) > 1:
+        return draping.courses
+    return tuple(
+        Course.model_construct(
+            name=name, strip=strip, seed=None, place=None, angle=0.0, pre_shear=None,
+            start_line=None,
+        )
+        for name, strip in stack[0].strips.items()
+    )  # fmt: skip
 
 
 def _refuse_two_directions(entries: Draping | Course) -> None:

@@ -272,7 +272,7 @@ class Scene(SceneModel):
         blank = ply.blank
         if any(ply.center):
             blank = Blank.model_construct(
-                **ply.shape, drawing=None,
+                **ply.shape, drawing=None, courses=ply.courses,
                 edge_length=blank.edge_length, fibre_angle=blank.fibre_angle, height=blank.height,
             )  # fmt: skip
         return self.model_copy(

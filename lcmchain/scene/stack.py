@@ -26,6 +26,7 @@ from lcmchain.materials.law import Material, with_fibre_modulus
 from lcmchain.materials.laws import AnyMaterial
 from lcmchain.mesh.blank import Blank, BlankMesh, build_blank
 from lcmchain.mesh.contours import Contours, contours_of
+from lcmchain.mesh.courses import Courses
 from lcmchain.mesh.outline import outline_of
 from lcmchain.scene.plies import Ply, angles_of
 from lcmchain.scene.process import Process
@@ -90,6 +91,27 @@ class PlySettings:
         """Outline, holes, darts and slits where they lie."""
         with self.own_keys():
             return contours_of(self.blank)[0].shifted(np.array(self.center))
+
+    @property
+    def courses(self) -> Courses | None:
+        """The courses that it is laid in, where they lie; None for one piece."""
+        if self.blank.courses is None:
+            return None
+        return self.blank.courses.shifted(float(np.array(self.center) @ self._across))
+
+    @property
+    def strips(self) -> dict[str, tuple[float, float]]:
+        """Where each course begins and ends along fibre 2 [m], by its name; empty for one piece."""
+        if self.courses is None:
+            return {}
+        across = self.outline @ self._across
+        strips = self.courses.strips(float(across.min()), float(across.max()))
+        return dict(zip(self.courses.names, strips, strict=True))
+
+    @property
+    def _across(self) -> np.ndarray:
+        """Direction of fibre 2 in the plane (2,)."""
+        return np.array([-math.sin(self.blank.fibre_angle), math.cos(self.blank.fibre_angle)])
 
     @property
     def shape(self) -> dict[str, Any]:
@@ -400,7 +422,7 @@ def _material_of(scene: PlyTables) -> AnyMaterial:
 def _plies_of_layup(scene: PlyTables) -> list[Ply]:
     """Return the plies of the short form: one outline, an angle for each."""
     blank = _blank_of(scene)
-    shared = {**blank.shape, "edge_length": blank.edge_length}
+    shared = {**blank.shape, "courses": blank.courses, "edge_length": blank.edge_length}
     return [
         Ply(
             **shared,

@@ -47,8 +47,8 @@ BLANKS = {
 
 
 def blank_mesh(*, edge_length=EDGE, thickness=THICKNESS, **shape):
-    spec = {"size": None, "rim": None, "drawing": None, "cuts": {}, "fibre_angle": 0.0}
-    spec |= {"height": 0.0} | shape
+    spec = {"size": None, "rim": None, "drawing": None, "cuts": {}, "courses": None}
+    spec |= {"fibre_angle": 0.0, "height": 0.0} | shape
     return build_blank(SimpleNamespace(edge_length=edge_length, **spec), thickness)
 
 

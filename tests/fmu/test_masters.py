@@ -3,6 +3,7 @@
 Each runs in a process of its own; a test is skipped where its package is not installed.
 """
 
+import csv
 import json
 import os
 import shutil
@@ -13,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from fmusim import build_fmusim
 
 from lcmchain.fields import derive_fields
 from lcmchain.fmu.build import build_fmu
@@ -180,3 +182,27 @@ def test_fmucontainer(built, expected, tmp_path):
     run_master([sys.executable, "-P", "-c", program, *arguments], tmp_path)
     names = tuple(name.replace(".", "_") for name in NAMES)
     assert bits_of(FMPY, tmp_path / "box.fmu", tmp_path, names=names) == expected
+
+
+# --- fmusim, which is no Python -------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fmusim(tmp_path_factory):
+    library = Path(sysconfig.get_config_var("LIBDIR") or "", sysconfig.get_config_var("INSTSONAME"))
+    if sys.prefix == sys.base_prefix or library.suffix == ".a" or not library.is_file():
+        pytest.skip("needs a virtual environment and the shared library of its Python")
+    program = build_fmusim(tmp_path_factory.mktemp("fmusim"))
+    return ["env", f"LD_PRELOAD={library}", f"VIRTUAL_ENV={sys.prefix}", program]
+
+
+def test_fmusim(fmusim, built, expected, tmp_path):
+    """It validates the model description by the schema of the standard, and writes 16 digits."""
+    names = [part for name in NAMES for part in ("--output-variable", name)]
+    times = ["--stop-time", "5e-4", "--output-interval", STEP]
+    run_master([*fmusim, *times, *names, "--output-file", tmp_path / "out.csv", built], tmp_path)
+    with open(tmp_path / "out.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == COUNT + 1 and float(rows[-1]["time"]) == 5e-4
+    found = [rows[-1][name] for name in NAMES]
+    assert found == [f"{float.fromhex(text):.16g}" for text in expected.split()]

@@ -11,6 +11,8 @@ from lcmchain.errors import InputError
 from lcmchain.interfaces.search import build_grid
 from lcmchain.interfaces.surfaces import NONE
 from lcmchain.interfaces.table import Interface
+from lcmchain.model import build_model
+from lcmchain.scene import scene_from_text
 
 PAIR = [ply("a", z=0.5 * T), ply("b", z=1.5 * T, angle=30.0, edge=4.0)]
 
@@ -56,6 +58,40 @@ def test_the_rim_runs_once_around_each_face(data, position):
     assert length == pytest.approx(4 * 4 * 20e-3, rel=1e-2)
     # the facet lies on the left, seen from outside: a rim turns once to the left
     assert sorted(np.unique(edges[:, 0])) == sorted(np.unique(edges[:, 1]))
+
+
+CUT = """
+title = "cut"
+process = { time = "10 ms" }
+layup = "[0/90, 0/90]"
+[blank]
+size = ["60 mm", "40 mm"]
+edge_length = "5 mm"
+MORE
+[material]
+preset = "MD600"
+"""
+
+
+@pytest.mark.parametrize(
+    "cut", ['slits = [[["-30 mm", "0 mm"], ["10 mm", "0 mm"]]]', 'courses = { joints = ["0 mm"] }']
+)
+def test_beside_a_cut_a_facet_has_its_own_lip_and_not_the_one_that_lies_on_it(cut):
+    """By the other lip, as near, a point over the facet would lie outside of the ply."""
+    model = build_model(scene_from_text(CUT.replace("MORE", cut)))
+    data, position = model.ply_contact.data, model.node_positions
+    middle = position[data.facet_node].mean(axis=1)
+    owner = {}
+    for facet, edge in np.argwhere(data.neighbour == NONE):
+        ends = data.facet_node[facet, [edge, (edge + 1) % 4]]
+        owner[tuple(ends)] = facet
+    facet = np.repeat(np.arange(len(middle)), np.diff(data.rim_start))
+    side = np.array([middle[owner[tuple(ends)], 1] for ends in data.rim])
+    x, y = position[data.rim].mean(axis=1)[:, :2].T
+    on_cut = (np.abs(y) < 1e-9) & (x < 10e-3) & (np.abs(x) < 29e-3)
+    assert (np.sign(side[on_cut]) == np.sign(middle[facet[on_cut], 1])).all()
+    beside = np.flatnonzero((np.abs(middle[:, 1]) < 5e-3) & (middle[:, 0] < 5e-3))
+    assert set(beside) <= set(facet[on_cut]) and len(beside) >= 4 * 2 * 7
 
 
 def test_every_node_has_its_partner_on_the_other_face(data, position):

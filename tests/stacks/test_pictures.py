@@ -50,6 +50,14 @@ def test_a_stack_is_drawn_ply_by_ply_and_every_picture_has_a_caption(groups, tmp
         assert imread(file)[..., :3].std() > 0.01, file.name
 
 
+def test_plies_in_courses_are_drawn_with_their_joints(scene_of, laid, tmp_path):
+    text = SCENE.replace('fibre_angle = "45 deg"', 'courses = { joints = ["10 mm"], gap = "2 mm" }')
+    files = draw_result(tmp_path, laid(scene_of(text)))
+    (picture,) = (file for file in files if "courses" in file.name)
+    assert picture.name == "plies_courses.png" and picture.name in CAPTIONS
+    assert imread(picture)[..., :3].std() > 0.01
+
+
 def test_what_lies_nearer_to_the_viewer_is_painted_later(groups):
     sheet = groups[SHEET]
     for view, first in ((FROM_ABOVE, 0), (oblique(from_below=True), 1)):

@@ -32,6 +32,7 @@ def blank_spec(*, size=None, outline=None, edge_length=5e-3, degrees=0.0, height
         rim=outline,
         drawing=None,
         cuts={},
+        courses=None,
         edge_length=edge_length,
         fibre_angle=math.radians(degrees),
         height=height,
