@@ -16,6 +16,7 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.effect_cost import later_stages
 from lcmchain.check.expected_cost import record_speed
 from lcmchain.check.remarks import scene_warnings
+from lcmchain.check.tool_strokes import closing_tools, tools_that_close
 from lcmchain.compilation.threads import use_threads
 from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
@@ -258,7 +259,11 @@ class _Job:
             for ply, blank in zip(self.scene.stack, blanks, strict=True)
             for text in ply.remarks(blank)
         ]
-        self.warnings = [*scene_warnings(self.scene), *of_meshes, *tool_warnings]
+        closing = closing_tools(self.scene, blanks, model)
+        self.warnings = [
+            *scene_warnings(self.scene), *of_meshes, *tool_warnings,
+            *tools_that_close(self.scene, model, closing),
+        ]  # fmt: skip
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
 

@@ -9,11 +9,11 @@ import pytest
 import xarray as xr
 
 from lcmchain import cli, pipeline
-from lcmchain.errors import InputError, MappingError
+from lcmchain.errors import InputError, MappingError, SimulationError
 from lcmchain.fields import read_forming
 from lcmchain.pipeline import run
 from lcmchain.provenance import run_fingerprint
-from lcmchain.scene import read_scene
+from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import ToolWarning
@@ -128,6 +128,15 @@ def test_resume_maps_without_forming_again(failed, folder, tmp_path, monkeypatch
         "provenance",
     }  # fmt: skip
     assert result.summary["wall_s"] == pytest.approx(before["wall_s"], abs=0.5)
+
+
+def test_a_run_tells_of_tools_that_leave_no_space_for_the_sheet(tmp_path):
+    """As check does: what follows, deep penetration or no numbers at all, does not tell why."""
+    table = '[[tools]]\nname = "table"\nshape = { type = "plate", side = "below" }\n'
+    with pytest.raises(SimulationError):
+        run(scene_from_text(SCENE.partition("[[mapping]]")[0] + table), tmp_path)
+    (told,) = (text for text in summary_in(tmp_path)["warnings"] if "no space" in text)
+    assert told.startswith("punch and table are 0.004 mm apart")
 
 
 def test_an_unreadable_mesh_is_told_before_any_work(folder, tmp_path, monkeypatch):
