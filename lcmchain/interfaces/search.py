@@ -216,9 +216,10 @@ def build_grid(position, data, slopes):
     while True:
         total = 1.0
         for d in range(3):
-            # of places that are no numbers any more, which a guard finds after these steps
+            # of places that are no numbers any more, which a guard finds after these steps; below
+            # zero where none of them is one
             wide = (high[d] - low[d]) / size
-            count[d] = int(wide) + 1 if wide < FAR else 1
+            count[d] = int(wide) + 1 if 0.0 <= wide < FAR else 1
             total *= count[d]
         if total <= limit:
             break

@@ -189,6 +189,32 @@ def test_the_pressure_in_a_gap_is_that_of_the_laws():
     assert pressure_in_gap(0.1e-3, [thin]) == pressure_in_gap(0.15e-3, [thin]) > pressure
 
 
+@pytest.mark.parametrize(
+    ("law", "fastest"),
+    [
+        # 4 C33 / (rho t^2), the wave over the thickness: C33 = 5 MPa 0.7 / (1.3 * 0.4)
+        (
+            'law = "isotropic"\nyoung_modulus = "5 MPa"\npoisson_ratio = 0.3\n'
+            'thickness = "1 mm"\ndensity = "900 kg/m^3"',
+            4.0 * 5e6 * 0.7 / (1.3 * 0.4) / (900.0 * 1e-6),
+        ),
+        # 4 C11 / (rho l^2), the wave along the fibres: C11 = 1 GPa, 0.6 kg/m^2 on 1.004 mm
+        ('preset = "MD600"', 4.0 * 1e9 / (0.6 / 1.004e-3 * 0.01**2)),
+    ],
+)
+def test_the_automatic_stiffness_follows_the_fastest_wave(law, fastest):
+    """A film as soft along as across would else be pressed through by what touches it."""
+    model = build_model(
+        scene_from_text(
+            'process = { time = "1 ms" }\nblank = { size = ["40 mm", "40 mm"], '
+            f'edge_length = "10 mm" }}\n[material]\n{law}\n'
+        )
+    )
+    material = model.only_body().material
+    expected = 0.1 * fastest * 0.5 * material.density * material.thickness
+    assert model.environment.penalty == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("edge", ["5 mm", "25 mm"])
 def test_springs_bear_what_closing_tools_press_in_a_stack(edge):
     """Also under long elements, whose own stiffness asks for soft ones: on tools and plies."""
