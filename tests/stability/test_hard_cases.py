@@ -62,11 +62,12 @@ def require_kept_in_manual(name: str, results: list[CaseResult], table: list[lis
 
 
 #: Cases that take kernels of their own for what default tests show on smaller models: coupons in
-#: tests/study and tests/verification, stick and slip, rims and folds of plies and unlike weights in
-#: tests/interfaces; what a stack keeps as tools open shows in the release of one sheet.
+#: tests/study and tests/verification, stick and slip, rims and folds of plies, unlike weights and
+#: how fast depths between plies go to zero in tests/interfaces, plies between tools in tests/stacks
+#: and tests/interfaces; what a stack keeps as tools open shows in the release of one sheet.
 LEFT_TO_THE_SLOW_RUN = {
     "bias_extension", "stick_and_slip_of_plies", "edge_over_a_fold", "light_between_heavy_plies",
-    "release_of_a_stack",
+    "release_of_a_stack", "thin_between_thick_plies", "closed_tools_on_a_stack",
 }  # fmt: skip
 
 
