@@ -265,6 +265,7 @@ def test_depths_go_to_zero_over_a_time_where_their_steps_would_be_too_few():
         sim = stack([ply("a", z=0.5 * T), ply("b", edge=4.0, z=1.5 * T)], scene_of())
         renew(sim)
         sim.state.position[2, sim.model.bodies[1].first_node :] -= DEPTH
+        renew(sim)  # finds the depths
         data, laws = sim.model.ply_contact
         time = times * data.depth_steps * dt
         data = data._replace(depth_time=np.full_like(data.depth_time, time))

@@ -62,12 +62,14 @@ def require_kept_in_manual(name: str, results: list[CaseResult], table: list[lis
 
 
 #: Cases that take kernels of their own for what default tests show on smaller models: coupons in
-#: tests/study and tests/verification, stick and slip, rims and folds of plies, unlike weights and
-#: how fast depths between plies go to zero in tests/interfaces, plies between tools in tests/stacks
-#: and tests/interfaces; what a stack keeps as tools open shows in the release of one sheet.
+#: tests/study and tests/verification, thin strips in tests/verification and unit/test_static_solver,
+#: fibres that are folded in effects/test_fibre_bending; stick and slip, rims and folds of plies,
+#: unlike weights, how fast depths between plies go to zero and plies that are pressed in
+#: tests/interfaces; what a stack keeps as tools open shows in the release of one sheet.
 LEFT_TO_THE_SLOW_RUN = {
-    "bias_extension", "stick_and_slip_of_plies", "edge_over_a_fold", "light_between_heavy_plies",
-    "release_of_a_stack", "thin_between_thick_plies", "closed_tools_on_a_stack",
+    "bias_extension", "fibre_to_shear_stiffness", "slenderness", "sharp_folds",
+    "stick_and_slip_of_plies", "edge_over_a_fold", "light_between_heavy_plies",
+    "thin_between_thick_plies", "release_of_a_stack", "closed_tools_on_a_stack",
 }  # fmt: skip
 
 
