@@ -219,7 +219,7 @@ def with_options():
             )
 
 
-@pytest.mark.parametrize(("combination", "options"), with_options())
+@pytest.mark.parametrize(("combination", "options"), list(with_options()))
 def test_forces_agree_under_every_option(batch, forces_of, combination, options):
     if combination is FULL_CURVED and options.get("fibre_hourglass") == 0.1:
         with pytest.raises(InputError, match="element.fibre_hourglass: is 0.1, but only a law"):
