@@ -58,6 +58,7 @@ def test_operations_are_those_of_single_numbers():
     assert operations.counted(code) == 4
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="counts code of x86")
 def test_operations_of_a_step_are_counted_once_per_element_or_node():
     counted = operations.count_operations()

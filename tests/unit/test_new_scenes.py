@@ -90,7 +90,11 @@ def new(name: str, *more) -> Path:
 # --- every case -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+#: What no other case shows of moulds are their files, whatever the fabric between them.
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "moulds glass")) for name in CASES],
+)
 def test_check_accepts_a_written_scene_and_warns_of_nothing_but_carried_over_values(moulds, name):
     report = check_scene(read_scene(new(name)))
     other_fabric = any("--preset" in option for option in CASES[name])
