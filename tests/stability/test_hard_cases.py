@@ -62,10 +62,10 @@ def require_kept_in_manual(name: str, results: list[CaseResult], table: list[lis
 
 
 #: Cases that take kernels of their own for what default tests show on smaller models: coupons in
-#: tests/study and tests/verification, thin strips there and in unit/test_static_solver, fibres that
-#: are folded in effects/test_fibre_bending; stick and slip, rims and folds of plies, unlike weights,
-#: how fast depths between plies go to zero and plies that are pressed in tests/interfaces; what a
-#: stack keeps as tools open shows in the release of one sheet.
+#: tests/study and tests/verification, thin strips there and in unit/test_static_solver, folded
+#: fibres in effects/test_fibre_bending; stick and slip, rims and folds of plies, how fast depths
+#: between them go to zero, unlike weights and pressed plies in tests/interfaces; what a stack keeps
+#: as tools open shows in the release of one sheet.
 LEFT_TO_THE_SLOW_RUN = {
     "bias_extension", "fibre_to_shear_stiffness", "slenderness", "sharp_folds",
     "stick_and_slip_of_plies", "edge_over_a_fold", "light_between_heavy_plies",
