@@ -94,6 +94,12 @@ def folder(request, patch_file, tmp_path_factory):
     return extract(str(unit), unzipdir=str(where / "unpacked"))
 
 
+#: The Python code of a unit is one for both versions; each library has the tests of its own below.
+mostly_fmi_3 = pytest.mark.parametrize(
+    "folder", [pytest.param(2, marks=pytest.mark.slow), 3], indirect=True, scope="module"
+)
+
+
 def drawn(strategy, count):
     found = []
 
@@ -147,6 +153,7 @@ def test_random_calls_end_no_host_and_break_no_instance(folder, count, tmp_path)
     run_all(folder, sequences, count, tmp_path)
 
 
+@mostly_fmi_3
 @pytest.mark.parametrize("count", [8, pytest.param(500, marks=pytest.mark.slow)])
 def test_corrupted_states_are_refused(folder, count, tmp_path):
     found, results = run_all(folder, corrupted, count, tmp_path)
@@ -277,6 +284,7 @@ print("ended", flush=True)
 """
 
 
+@mostly_fmi_3
 @pytest.mark.parametrize(
     "moment", [0.0071, *[pytest.param(0.0037 * k, marks=pytest.mark.slow) for k in range(15)]]
 )

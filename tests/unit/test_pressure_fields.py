@@ -136,7 +136,10 @@ def test_flat_compaction_is_all_contact(thickness, pressure):
     np.testing.assert_allclose(fields["bending_pressure"], 0.0, atol=1e-9 * pressure)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    "law",
+    ["fabric", "isotropic", pytest.param("fabric with a set", marks=pytest.mark.slow)],
+)
 def test_contact_of_a_homogeneous_state_is_the_cauchy_stress(law):
     """λ |S33| per reference area, of the law's own S33, over the present area."""
     material = LAWS[law]()
