@@ -187,7 +187,7 @@ def random_families(
 
     Flat ones and curved ones come apart: each kind takes code of its own.
     """
-    kinds = [slice(flat)] * (flat > 0) + [slice(flat, None)]
+    kinds: list[slice] = [slice(flat)] * (flat > 0) + [slice(flat, None)]
 
     def references(thickness=make.THICKNESS):
         return [make.flat_reference(rng, thickness=thickness) for _ in range(flat)] + [
