@@ -260,6 +260,7 @@ def test_walls_that_are_too_near_are_told(moulds, capsys):
     assert "meet first at a wall of 84 deg" in told and "walls are nearer than 1.004 mm" in told
 
 
+@pytest.mark.slow  # manual/test_texts.py reads the page, others run moulds
 def test_the_moulds_of_the_manual_make_the_scene_that_it_tells_of(tmp_path, monkeypatch, capsys):
     text = read_page("new").text
     (script,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
