@@ -143,7 +143,6 @@ LONG_FILES = (
     "fmu/test_stack.py",
     "stages/test_interfaces.py",
     "interfaces/test_fields.py",
-    "coupling/solids/test_explicit_forming.py",
     "fmu/test_conduct.py",
 )
 

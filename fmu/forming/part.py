@@ -157,10 +157,10 @@ class FormingPart(Part):
             "loading the compiled loops (about a minute the first time, then less than a second)",
             aloud=True,
         )
-        simulation.compile()
         self.wet = None
         if self._has_pores:
             self.wet = forming_of_scene(scene, simulation, surroundings=surroundings_of(scene))
+        simulation.compile()  # with the columns of a stack, whose loop is another one
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
         self.before = simulation.state.position.copy()

@@ -158,6 +158,16 @@ def _operations_of(function: Dispatcher, *arguments: object) -> int:
     return counted_of_packs(assembly) if in_packs else counted(assembly)
 
 
+def operations_of_pieces(tools: Any) -> list[int]:
+    """Return the operations of a line, an arc and a corner of a profile, per node."""
+    piece, corner, best = tools.segments[0], np.zeros(CORNER_COLUMNS), types.UniTuple(pack, 5)
+    return [
+        _operations_of(closer_line, piece, pack, pack, best),
+        _operations_of(closer_arc, piece, pack, pack, best),
+        _operations_of(closer_corner, corner, pack, pack, best),
+    ]
+
+
 def _count_here() -> Operations:
     """Count with the compiler options of this process."""
     simulation = Simulation.from_scene(scene_from_text(SCENE))
@@ -166,14 +176,9 @@ def _count_here() -> Operations:
     assert model.fibre_bending is not None
     fibres = model.fibre_bending.data
     assert fibres is not None
-    piece, corner = tools.segments[0], np.zeros(CORNER_COLUMNS)
-    vector, best = types.UniTuple(pack, 3), types.UniTuple(pack, 5)
+    vector = types.UniTuple(pack, 3)
     nodes = types.NamedTuple((vector, pack, types.float64, pack, pack, pack), PackOfNodes)
-    pieces = [
-        _operations_of(closer_line, piece, pack, pack, best),
-        _operations_of(closer_arc, piece, pack, pack, best),
-        _operations_of(closer_corner, corner, pack, pack, best),
-    ]
+    pieces = operations_of_pieces(tools)
     # that of all profiles holds the code of every piece once
     profile = _operations_of(profile_distances, tools, 0, True, vector) - sum(pieces)
     return Operations(

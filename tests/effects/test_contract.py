@@ -96,8 +96,16 @@ def test_every_effect_is_one_file_that_says_what_it_adds():
         assert [h for h in HEADINGS if f"\n{h} " not in file.__doc__] == [], file.__name__
 
 
+#: Laws of which kernels are compiled for this alone. Those of films, of families, and of a law with
+#: set, agree with the reference element, which leaves nothing out (tests/families, tests/elements).
+OF_THE_SLOW_RUN = ("fabric-with-set", "fibre-families", "neo-hooke", "ogden")
+
+
 @pytest.mark.parametrize("coupled", [True, False], ids=["coupled", "uncoupled"])
-@pytest.mark.parametrize("law", MATERIALS)
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(law, marks=[pytest.mark.slow] * (law in OF_THE_SLOW_RUN)) for law in MATERIALS],
+)
 def test_an_inactive_effect_of_the_element_would_change_nothing(law, coupled):
     """Forces with an effect switched on and off differ exactly where the model says it is on."""
     model = build_model(sheet_scene(law, coupled=coupled))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from dataclasses import dataclass
 
@@ -41,18 +40,21 @@ COMBINATIONS = [
     FABRIC_FLAT,
     FABRIC_ALIGNED,
     ("fabric", "aligned", "director", "published"),
-    ("full", "aligned", "director", "conservative"),
     ("fabric", "aligned and mixed", "normal", "conservative"),
-    ("fabric", "flat", "director", "published"),
     ("fabric", "curved", "normal", "conservative"),
-    ("fabric", "curved", "director", "conservative"),
-    ("full", "flat", "normal", "conservative"),
     FULL_CURVED,
-    ("full", "curved", "director", "conservative"),
     FABRIC_MIXED,
     ("full", "mixed", "director", "conservative"),
     ("orthotropic", "aligned and mixed", "normal", "conservative"),
     COUPLED_FABRIC,
+]
+# Each choice in these stands in one of those above, with another neighbour.
+MORE_COMBINATIONS = [
+    ("full", "aligned", "director", "conservative"),
+    ("fabric", "flat", "director", "published"),
+    ("fabric", "curved", "director", "conservative"),
+    ("full", "flat", "normal", "conservative"),
+    ("full", "curved", "director", "conservative"),
 ]
 ELEMENT_COUNT = 37  # two full blocks of 16 lanes and a part of a third
 CURVED_OF_MIXED = [16, 20, 31]  # the second block has elements of both kinds, the others flat ones
@@ -163,7 +165,12 @@ def assert_agree(batch, forces):
         np.testing.assert_allclose(force, result.force, rtol=0.0, atol=1e-12 * scale)
 
 
-@pytest.mark.parametrize("combination", COMBINATIONS, ids=" ".join)
+def slow(*cases):
+    """These cases, for the slow run."""
+    return [pytest.param(case, marks=pytest.mark.slow) for case in cases]
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS + slow(*MORE_COMBINATIONS), ids=" ".join)
 def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     case = batch(combination)
     kind, shape, strain, hourglass = combination
@@ -184,21 +191,35 @@ def test_forces_agree_with_the_reference_element(batch, forces_of, combination):
     assert_agree(case, forces_of(case))
 
 
-@pytest.mark.parametrize(
-    "combination", [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ids=" ".join
-)
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"integration_points": 2},
-        {"integration_points": 5, "in_plane_shear_hourglass": False},
-        {"cross_terms": True, "integration_points": 2},
-        {"fibre_hourglass": 0.1},
-        {"cross_terms": True, "in_plane_shear_hourglass": False},
-        {"bending_thickness": "reference", "integration_points": 2},
-    ],
-    ids=str,
-)
+# What is switched on in code of its own, and the combinations that take it on each of their ways;
+# mixed blocks are flat ones too. All else is a number.
+SWITCHED_ON = {
+    "cross_terms": [FULL_CURVED, FABRIC_MIXED],
+    "bending_thickness": [FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED],
+}
+OPTIONS = [
+    {"integration_points": 2},
+    {"integration_points": 5, "in_plane_shear_hourglass": False},
+    {"cross_terms": True, "integration_points": 2},
+    {"fibre_hourglass": 0.1},
+    {"cross_terms": True, "in_plane_shear_hourglass": False},
+    {"bending_thickness": "reference", "integration_points": 2},
+]
+
+
+def with_options():
+    """Yield combinations with options; the slow run has all."""
+    for options in OPTIONS:
+        for combination in (FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED):
+            on = [SWITCHED_ON[name] for name in options if name in SWITCHED_ON]
+            is_slow = any(combination not in combinations for combinations in on)
+            marks = [pytest.mark.slow] * is_slow
+            yield pytest.param(
+                combination, options, marks=marks, id=f"{options}-{' '.join(combination)}"
+            )
+
+
+@pytest.mark.parametrize(("combination", "options"), list(with_options()))
 def test_forces_agree_under_every_option(batch, forces_of, combination, options):
     if combination is FULL_CURVED and options.get("fibre_hourglass") == 0.1:
         with pytest.raises(InputError, match="element.fibre_hourglass: is 0.1, but only a law"):
@@ -378,14 +399,22 @@ def test_forces_that_depend_on_the_rate_agree_with_the_reference_element(
     assert (after[0] < 0.0).any()
 
 
+MORE_LOOPS = [
+    (FABRIC_FLAT, "current"),
+    (FULL_CURVED, "current"),
+    *((combination, "reference") for combination in (FABRIC_FLAT, FABRIC_ALIGNED, FABRIC_MIXED)),
+]
+
+
 @pytest.mark.skipif("avx2" not in processor_flags(), reason="the processor has no AVX2")
 @pytest.mark.parametrize(
     "combination, bending_thickness",
     [
-        *itertools.product(
-            [FABRIC_FLAT, FABRIC_ALIGNED, FULL_CURVED, FABRIC_MIXED], ["current", "reference"]
-        ),
+        (FABRIC_ALIGNED, "current"),
+        (FABRIC_MIXED, "current"),
+        (FULL_CURVED, "reference"),
         (FABRIC_WITH_ALL, "reference"),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in MORE_LOOPS),
     ],
     ids=str,
 )

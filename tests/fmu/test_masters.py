@@ -78,9 +78,22 @@ print(*[float(block.outputs[name]).hex() for name in {names}])
 NAMES = ("punch.travel", "thickness_min", "internal_energy")
 
 
-@pytest.fixture(scope="module", params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
+IDS = ["FMI 2.0", "FMI 3.0"]
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=IDS)
 def version(request):
     return request.param
+
+
+def mostly(fmi):
+    """Try a master with units of this version; the slow run tries it with those of the other too.
+
+    What a unit does is the same in both (test_interface.py): a master takes a process of its own.
+    """
+    slow = [[pytest.mark.slow] * (version != fmi) for version in (2, 3)]
+    versions = [pytest.param(v, marks=marks) for v, marks in zip((2, 3), slow, strict=True)]
+    return pytest.mark.parametrize("version", versions, indirect=True, ids=IDS, scope="module")
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +138,7 @@ def test_fmpy(built, expected, tmp_path):
     assert bits_of(FMPY, built, tmp_path) == expected
 
 
+@mostly(3)
 def test_fmpy_on_the_command_line(built, tmp_path):
     table = tmp_path / "out.csv"
     arguments = ["-m", "fmpy", "simulate", built, "--stop-time", "5e-4"]
@@ -134,6 +148,7 @@ def test_fmpy_on_the_command_line(built, tmp_path):
     assert "problem" not in checked.stdout.lower() or "no problems" in checked.stdout.lower()
 
 
+@mostly(3)
 def test_ecos(built, expected, tmp_path):
     if find_spec("ecospy") is None:
         pytest.skip("needs the package ecospy")
@@ -154,12 +169,14 @@ def test_libcosim(version, built, expected, tmp_path):
     assert bits_of(LIBCOSIM, built, tmp_path) == expected
 
 
+@mostly(2)
 def test_pathsim(built, expected, tmp_path):
     if find_spec("pathsim_fmi") is None:
         pytest.skip("needs the package pathsim-fmi")
     assert bits_of(PATHSIM, built, tmp_path) == expected
 
 
+@mostly(2)
 def test_fmutool_finds_no_fault(built, tmp_path):
     if find_spec("fmu_manipulation_toolbox") is None:
         pytest.skip("needs the package fmu-manipulation-toolbox")
@@ -170,6 +187,7 @@ def test_fmutool_finds_no_fault(built, tmp_path):
     assert "ERROR" not in told
 
 
+@mostly(3)
 def test_fmucontainer(built, expected, tmp_path):
     if find_spec("fmu_manipulation_toolbox") is None:
         pytest.skip("needs the package fmu-manipulation-toolbox")

@@ -11,7 +11,7 @@ from lcmchain.errors import InputError
 FOLDER = str(Path(__file__).parent)
 #: Kind -> number of cases: a few hundred in a few seconds. `run.py` makes as many as wanted.
 CASES = {
-    "scenes": 80, "overrides": 80, "csvs": 6, "meshes": 30, "fillings": 30, "checkpoints": 40,
+    "scenes": 50, "overrides": 50, "csvs": 6, "meshes": 20, "fillings": 20, "checkpoints": 40,
 }  # fmt: skip
 
 

@@ -258,6 +258,24 @@ def test_depths_held_follow_those_on_the_same_ply_alone():
     assert held[0] == pytest.approx(held[1], abs=1e-12)
 
 
+def test_depths_go_to_zero_over_a_time_where_their_steps_would_be_too_few():
+    """Plies that are heavy for their springs would vibrate: they are lifted as they are damped."""
+    held, dt = [], 1e-6
+    for times in (0.0, 4.0):
+        sim = stack([ply("a", z=0.5 * T), ply("b", edge=4.0, z=1.5 * T)], scene_of())
+        renew(sim)
+        sim.state.position[2, sim.model.bodies[1].first_node :] -= DEPTH
+        renew(sim)  # finds the depths
+        data, laws = sim.model.ply_contact
+        time = times * data.depth_steps * dt
+        data = data._replace(depth_time=np.full_like(data.depth_time, time))
+        sim.arrays.ply_counters[forces.LAST_STEPS] = 5
+        refresh(data, laws, sim.arrays, 0.0, dt)
+        held.append(of_points(sim, HELD))
+    assert held[0].max() > 1e-3 * DEPTH
+    np.testing.assert_allclose(held[1], 0.25 * held[0], rtol=1e-12)
+
+
 def test_a_point_once_found_is_held_without_a_search():
     """Up to a thickness off, and a little further."""
     sim = stack([ply("a", z=0.5 * T), ply("b", edge=4.0, z=2.3 * T)], scene_of())

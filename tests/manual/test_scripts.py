@@ -6,8 +6,8 @@ import runpy
 
 import pytest
 
-OWN_KERNELS = ["own_law", "own_interface"]  # compiled by nobody else
-NAMES = ["form", "read_results", "plot", "map", "fill", "unit", "study", "stack"]
+OWN_KERNELS = ["own_law", "own_interface", "stack"]  # compiled by nobody else
+NAMES = ["form", "read_results", "plot", "map", "fill", "unit", "study"]
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,13 @@ def test_an_interface_takes_a_law_from_outside_the_package(evaluate, law):
     assert found["rate"] > 0.0
     assert found["words"] == "drag 50 Pa s²/m²"
     assert found["cached"] == [0, 1]
+
+
+@pytest.mark.slow
+def test_kernels_follow_the_file_of_a_law_between_plies(evaluate, law):
+    """As those of a law of the sheet do, by the same key (test_outside_law.py)."""
+    found = evaluate(law)
+    wanted = 50.0 * SPEED**2 * AREA
     # the same file again comes from disk, a changed one does not
     assert evaluate(law) == {**found, "cached": [1, 0]}
     changed = evaluate(law.replace(PARAMETERS, PARAMETERS.replace("(law", "(3.0 * law")))

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -113,6 +114,7 @@ def imports_of(file: Path, name: str):
                 yield target, node.lineno, id(node) in inside
 
 
+@cache
 def room_of(module: str) -> str:
     """First level below lcmchain; empty for names that lcmchain itself offers."""
     parts = module.split(".")
@@ -121,11 +123,14 @@ def room_of(module: str) -> str:
     return room if known or (ROOT / "lcmchain" / f"{room}.py").is_file() else ""
 
 
-def all_imports():
-    for file, name in source_files():
-        for target, line, in_function in imports_of(file, name):
-            place = f"{file.relative_to(ROOT)}:{line} imports {target}"
-            yield room_of(name), target, in_function, place
+@cache
+def all_imports() -> tuple[tuple[str, str, bool, str], ...]:
+    """(room, imported module, True if inside a function, place in words) of every import."""
+    return tuple(
+        (room_of(name), target, in_function, f"{file.relative_to(ROOT)}:{line} imports {target}")
+        for file, name in source_files()
+        for target, line, in_function in imports_of(file, name)
+    )
 
 
 def test_every_package_folder_is_listed_for_the_wheel():

@@ -61,12 +61,17 @@ def require_kept_in_manual(name: str, results: list[CaseResult], table: list[lis
     assert found <= kept, "run `lcmchain verify hard-cases --full --out FILE.md`"
 
 
-#: Cases that take kernels of their own for what default tests show on smaller models: coupons in
-#: tests/study and tests/verification, stick and slip, rims and folds of plies and unlike weights in
+#: Cases that take kernels of their own, or long, for what default tests show on smaller models:
+#: coupons in tests/study and tests/verification, thin strips there and in unit/test_static_solver,
+#: sheets that shear and turn in elements/test_energy, fibres that give way in hourglass terms in
+#: elements/test_kernel, folded ones in effects/test_fibre_bending; stick and slip, rims and folds
+#: of plies, how fast depths between them go to zero, unlike weights and pressed plies in
 #: tests/interfaces; what a stack keeps as tools open shows in the release of one sheet.
 LEFT_TO_THE_SLOW_RUN = {
-    "bias_extension", "stick_and_slip_of_plies", "edge_over_a_fold", "light_between_heavy_plies",
-    "release_of_a_stack",
+    "bias_extension", "fibre_to_shear_stiffness", "slenderness", "simple_shear_and_turn",
+    "perturbed_mesh", "sharp_folds", "stick_and_slip_of_plies", "edge_over_a_fold",
+    "light_between_heavy_plies", "thin_between_thick_plies", "release_of_a_stack",
+    "closed_tools_on_a_stack",
 }  # fmt: skip
 
 

@@ -58,7 +58,20 @@ def test_operations_are_those_of_single_numbers():
     assert operations.counted(code) == 4
 
 
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="counts code of x86")
+counts_code = pytest.mark.skipif(
+    platform.machine() not in ("x86_64", "AMD64"), reason="counts code of x86"
+)
+
+
+@counts_code
+def test_operations_of_a_line_and_an_arc_are_counted_once_per_node():
+    """Two differences and two products in the plane; root, radius, side, normal, and its bound."""
+    tools = Simulation.from_scene(scene_from_text(hemisphere.SCENE)).model.tools
+    assert operations.operations_of_pieces(tools)[:2] == [8, 8 + 6]
+
+
+@pytest.mark.slow
+@counts_code
 def test_operations_of_a_step_are_counted_once_per_element_or_node():
     counted = operations.count_operations()
     assert 800 < counted.kernel < 2000

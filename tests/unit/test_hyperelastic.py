@@ -161,7 +161,7 @@ def deformed(shape, count=32):
     return references, np.array(x)
 
 
-@pytest.mark.parametrize("shape", ["flat", "curved"])
+@pytest.mark.parametrize("shape", ["flat", pytest.param("curved", marks=pytest.mark.slow)])
 def test_the_kernel_is_the_reference_element_and_its_bound_holds(shape):
     """The bound of a film stretched to 2 is within some per cent: no step is given away."""
     material = MATERIALS["neo-hooke"]

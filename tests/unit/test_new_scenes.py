@@ -90,7 +90,11 @@ def new(name: str, *more) -> Path:
 # --- every case -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+#: What no other case shows of moulds are their files, whatever the fabric between them.
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "moulds glass")) for name in CASES],
+)
 def test_check_accepts_a_written_scene_and_warns_of_nothing_but_carried_over_values(moulds, name):
     report = check_scene(read_scene(new(name)))
     other_fabric = any("--preset" in option for option in CASES[name])
@@ -256,6 +260,7 @@ def test_walls_that_are_too_near_are_told(moulds, capsys):
     assert "meet first at a wall of 84 deg" in told and "walls are nearer than 1.004 mm" in told
 
 
+@pytest.mark.slow  # manual/test_texts.py reads the page, others run moulds
 def test_the_moulds_of_the_manual_make_the_scene_that_it_tells_of(tmp_path, monkeypatch, capsys):
     text = read_page("new").text
     (script,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)

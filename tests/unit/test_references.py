@@ -229,7 +229,9 @@ def test_callers_read_from_disk_find_what_they_call(process, tmp_path):
     assert found == EXPECTED and hits == [1, 1, 1, 1]
 
 
-@pytest.mark.parametrize("lost", ["scale", "root", "first", "sc"])
+@pytest.mark.parametrize(
+    "lost", ["scale", "first", *(pytest.param(n, marks=pytest.mark.slow) for n in ("root", "sc"))]
+)
 def test_what_is_no_longer_on_disk_is_compiled_again(process, tmp_path, lost):
     process()
     kept = list((tmp_path / "cache").rglob(f"callers.{lost}*"))

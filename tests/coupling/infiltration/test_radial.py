@@ -122,7 +122,7 @@ def test_a_hole_wider_than_the_edges_is_that_of_all_its_nodes(ratio):
     """On any mesh as on a fine one, where nodes are many."""
     tensor = PERMEABILITY * np.diag([np.sqrt(ratio), 1.0 / np.sqrt(ratio), 1.0])
     radii = []
-    for edge in (0.012, 0.008, 0.004):
+    for edge in (0.012, 0.008, 0.006):
         mesh = random_plate(edge, 0.36, 0.36, seed=6)
         away = np.linalg.norm(mesh.points - [0.18, 0.18, 0.0], axis=1)
         filling = Filling(
