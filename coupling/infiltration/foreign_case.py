@@ -503,14 +503,26 @@ def _table(path: Path) -> list[dict[str, str]]:
         raise InputError(f"cannot be read ({error.strerror})", file=path) from None
     except UnicodeDecodeError:
         raise InputError("is no CSV text", file=path) from None
-    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    return [
-        {str(name).strip(): (cell or "").strip() for name, cell in row.items()}
-        for row in rows if any(row.values())
-    ]  # fmt: skip
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    rows = []
+    for row in reader:
+        surplus = row.pop(None, [])  # type: ignore[call-overload]
+        if any(cell.strip() for cell in surplus):
+            raise InputError(
+                f"line {reader.line_num} has more cells than the header has columns; a comma "
+                "stands between cells, so numbers need a decimal point",
+                file=path,
+            )
+        if any(row.values()):
+            rows.append({str(name).strip(): (cell or "").strip() for name, cell in row.items()})
+    return rows
 
 
 def _cell(row: dict[str, str], name: str, where: str, path: Path) -> Decimal:
     if name not in row:
-        raise InputError(f"has no column {name}", file=path)
+        there = ", ".join(row) or "none"
+        raise InputError(
+            f"has no column {name}; a comma stands between columns, and those found are {there}",
+            file=path,
+        )
     return decimal_of(row[name], f"{where}, {name}", path)

@@ -263,6 +263,14 @@ def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path
     table, data = folder / "sweep.csv", folder / "sweep.nc"
     names = [r.name for r in RESULTS]
     keys = list(runs[0].entries)
+    numbers_in_si = {
+        r.name: (
+            "run",
+            [run.results[r.name] for run in runs],
+            {"units": r.si_unit, "long_name": r.title},
+        )
+        for r in RESULTS
+    }
     with replacing(table) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*keys, *names, "seconds", "failure"])
@@ -272,8 +280,17 @@ def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path
     dataset = xr.Dataset(
         {
             **{f"entry_{k.replace('.', '_')}": ("run", *_values(runs, k)) for k in keys},
-            **{n: ("run", [run.results[n] for run in runs], {"comment": "SI"}) for n in names},
-            "seconds": ("run", [run.seconds for run in runs], {"units": "s"}),
+            **numbers_in_si,
+            "seconds": (
+                "run",
+                [run.seconds for run in runs],
+                {"units": "s", "long_name": "computing time"},
+            ),
+            "failure": (
+                "run",
+                np.array([run.failure for run in runs], dtype=object),
+                {"long_name": "why the run has no result, empty where it has"},
+            ),
         },
         attrs={"title": title},
     )  # fmt: skip

@@ -150,6 +150,23 @@ def test_lines_are_written_and_read(tmp_path, name):
         read_line(tmp_path / name, None)
 
 
+def test_a_table_of_a_line_says_its_unit_and_needs_no_heading(tmp_path):
+    net, line = tmp_path / "net.csv", np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.0, 0.05]])
+    rows = "0{0}0\n100{0}0\n100{0}50\n0{0}50\n"
+    for heading, mark in (("x [mm],y [mm]", ","), ("x (mm);y (mm)", ";")):
+        net.write_text(f"{heading}\n{rows.format(mark)}")
+        assert read_line(net, None) == pytest.approx(line)
+        assert read_line(net, "cm") == pytest.approx(10.0 * line)
+    net.write_text(rows.format(","))  # all four corners, the first one too
+    assert read_line(net, "mm") == pytest.approx(line)
+    net.write_text(f"x [mn],y [mn]\n{rows.format(',')}")
+    with pytest.raises(InputError, match='heading: unknown unit "mn"'):
+        read_line(net, None)
+    net.write_text("x [mm];y [mm]\n0,5;0,5\n1,5;0,5\n1,5;1,5\n")
+    with pytest.raises(InputError, match="with a decimal point"):
+        read_line(net, None)
+
+
 def exit_code(arguments):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -181,6 +198,10 @@ def test_the_commands_write_tables(tmp_path, capsys):
     wrong = ["pattern", "section", str(source), "--normal", "up", "--out", str(table)]
     assert exit_code(wrong) == 2
     assert "--normal" in capsys.readouterr().err
+    for frame in ("1", "-2"):
+        late = ["pattern", "draw-in", str(source), "--frame", frame, "--out", str(rim)]
+        assert exit_code(late) == 2
+        assert "--frame: is" in capsys.readouterr().err
 
 
 def test_the_commands_take_a_ply_of_a_stack(tmp_path, capsys):

@@ -77,6 +77,7 @@ motion = { type = "guided", direction = [0, 0, -1], mass = "1.7 kg" }
         ("5 mm", LENGTH, 0.005),
         ("1.004mm", LENGTH, 0.001004),
         ("1 inch", LENGTH, 0.0254),
+        ("40 mil", LENGTH, 0.001016),
         ("-3.5 µm", LENGTH, -3.5e-6),
         ("2e-3 m", LENGTH, 0.002),
         ("0.1563 MPa", STIFFNESS, 156300.0),

@@ -266,6 +266,9 @@ def test_a_wrong_table_of_lcmsim_is_refused_by_name(tmp_path):
     ):
         with pytest.raises(InputError, match=said):
             lcmsim(tmp_path, PARTS.replace(old, new))
+    with pytest.raises(InputError, match="line 3 has more cells than the header"):
+        lcmsim(tmp_path, PARTS.replace("hose,inlet,2,3.00e-3", "hose,inlet,2,3,00e-3"))
+    lcmsim(tmp_path, PARTS.replace("0.583,0.5e5,0.0\n", "0.583,0.5e5,0.0,\n"))  # empty cells
 
 
 # --- entries of the case --------------------------------------------------------------------------
