@@ -36,7 +36,9 @@ Net = Annotated[
 ]
 NetUnit = Annotated[
     str | None,
-    typer.Option("--length-unit", help="Unit of the net; by default that of its drawing or heading, else m."),
+    typer.Option(
+        "--length-unit", help="Unit of the net; by default that of its drawing or heading, else m."
+    ),
 ]
 
 

@@ -70,8 +70,10 @@ def test_entries_stand_in_the_file_in_si_with_their_unit(tmp_path):
         {"blank.edge_length": "10 mm", "blank.size": "100 60 mm", "contact.friction": "0.1"},
         {"blank.edge_length": "2 cm", "blank.size": "100 80 mm", "contact.friction": "0.2"},
     )
-    runs = [SweptRun(Variant(str(i), "sweep"), e, results, 1.0, f) for i, (e, f) in
-            enumerate(zip(entries, ("", "no contact"), strict=True))]
+    runs = [
+        SweptRun(Variant(str(i), "sweep"), e, results, 1.0, f)
+        for i, (e, f) in enumerate(zip(entries, ("", "no contact"), strict=True))
+    ]
     write_sweep(tmp_path, "a sweep", runs)
     with xr.open_dataset(tmp_path / "sweep.nc") as data:
         edge = data["entry_blank_edge_length"]
