@@ -162,6 +162,15 @@ def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
     return ScalarMappable(Normalize(low, high), shown.colour_map)
 
 
+#: Colour of faces without a value.
+UNKNOWN = (1.0, 1.0, 1.0, 1.0)
+
+
+def shades_of(colours: ScalarMappable, values: np.ndarray) -> np.ndarray:
+    """Return the colours (F, 4) of values on faces (F,): white where there is none, not black."""
+    return np.where(np.isnan(values)[:, None], UNKNOWN, colours.to_rgba(values))
+
+
 def _round_limit(limit: float, shown: Shown) -> float:
     """Return the next round number that the colours of a signed field end at."""
     least = LEAST_LIMIT.get(shown.unit, 0.0)
