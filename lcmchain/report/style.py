@@ -220,7 +220,8 @@ CAPTIONS: dict[str, str] = {
     "tools.png": "Formed shape between the tools in their final position, which are transparent",
     "sections.png": "Sections through sheet and tools: to scale, and unrolled with the thickness "
     "stretched, so that gaps and penetrations show",
-    "force.png": "Forces on the tools over the travel of the punch, and over time with the travels",
+    "force.png": "Forces on the tools over the travel of the punch, or its angle, and over time "
+    "with the travels",
     "force_over_travel.png": "Force on every tool over its own travel: mean over the intervals of "
     "the histories, and the band up to the largest force of a single step",
     "energy.png": "Energy balance, and kinetic energy and balance error as ratios",
