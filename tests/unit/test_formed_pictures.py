@@ -403,7 +403,7 @@ def test_forces_are_drawn_over_the_travel_of_their_own_tool(datasets, tmp_path, 
 
 
 def test_forces_of_a_tool_that_turns_are_drawn_over_its_angle(datasets, tmp_path, monkeypatch):
-    """Where none travels the one that turns is quoted; over tools that stand there is time alone."""
+    """Where none travels the one that turns is quoted; where all stand, time is the only axis."""
     figures = []
     monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     history = datasets[HISTORY].copy(deep=True)
