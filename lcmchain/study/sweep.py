@@ -195,7 +195,7 @@ class SweptRun:
 
 def run_sweep(
     text: Source,
-    folder: Path,
+    folder: Path | str,
     entries: Sequence[Entry],
     *,
     count: int | None = None,
@@ -258,9 +258,9 @@ def _shortened(value: str) -> str:
     return with_unit(float(f"{number:.4g}"), unit).strip('"')
 
 
-def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path]:
+def write_sweep(folder: Path | str, title: str, runs: Sequence[SweptRun]) -> list[Path]:
     """Write ``sweep.csv`` and ``sweep.nc``, numbers in SI; return the files."""
-    table, data = folder / "sweep.csv", folder / "sweep.nc"
+    table, data = Path(folder) / "sweep.csv", Path(folder) / "sweep.nc"
     names = [r.name for r in RESULTS]
     keys = list(runs[0].entries)
     numbers_in_si = {

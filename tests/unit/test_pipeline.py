@@ -13,7 +13,7 @@ from lcmchain.errors import InputError, MappingError
 from lcmchain.fields import read_forming
 from lcmchain.pipeline import run
 from lcmchain.provenance import run_fingerprint
-from lcmchain.scene import read_scene
+from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.checkpoint import FILE_NAME, FRAME_FILE_NAME
 from lcmchain.solver.simulation import Simulation
 from lcmchain.tools import ToolWarning
@@ -72,6 +72,15 @@ def failed(folder):
 
 def summary_in(out):
     return json.loads((out / "summary.json").read_text(encoding="utf-8"))
+
+
+
+def test_what_is_no_scene_or_no_number_of_threads_is_told(tmp_path):
+    with pytest.raises(InputError, match="needs a scene and got str; read a file by"):
+        run("scene.toml", tmp_path / "results")
+    with pytest.raises(InputError, match="threads: is -1; give 1 or more"):
+        run(scene_from_text(SCENE.partition("[[mapping]]")[0]), tmp_path / "results", threads=-1)
+    assert not (tmp_path / "results").exists()
 
 
 def test_a_failed_mapping_leaves_the_forming_results(failed, folder):

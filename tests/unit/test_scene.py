@@ -288,6 +288,13 @@ def test_overrides(override, read):
     assert read(scene_from_text(SCENE, overrides=[override]))
 
 
+def test_a_single_override_may_stand_alone():
+    text = SCENE + "\n"
+    alone = scene_from_text(text, overrides="contact.friction=0.3")
+    assert alone.contact.friction == 0.3
+    assert alone == scene_from_text(text, overrides=["contact.friction=0.3"])
+
+
 @pytest.mark.parametrize(
     ("override", "complaint"),
     [
