@@ -154,6 +154,9 @@ def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> 
     if dimension in (STIFFNESS, PRESSURE) and re.fullmatch(r"m(Pa|pa)", unit_text):
         raise QuantityError(f'"{text}" is in millipascal; megapascal is written "{number} MPa"')
 
+    if dimension is TEMPERATURE and unit_text in ("C", "F"):
+        raise QuantityError(f'"{text}" is in coulomb or farad; write "{number} deg{unit_text}"')
+
     registry = _registry()
     unit = _parse_unit(unit_text, dimension, needed)
     wanted = registry.parse_units(dimension.unit)

@@ -74,7 +74,6 @@ def summary_in(out):
     return json.loads((out / "summary.json").read_text(encoding="utf-8"))
 
 
-
 def test_what_is_no_scene_or_no_number_of_threads_is_told(tmp_path):
     with pytest.raises(InputError, match="needs a scene and got str; read a file by"):
         run("scene.toml", tmp_path / "results")

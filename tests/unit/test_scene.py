@@ -17,6 +17,7 @@ from lcmchain.quantities.units import (
     AREAL_MASS,
     LENGTH,
     STIFFNESS,
+    TEMPERATURE,
     QuantityError,
     parse_quantity,
     split_row,
@@ -107,6 +108,7 @@ def test_quantities_become_the_nearest_si_float(text, dimension, value):
         ("nan mm", LENGTH, "not a number with a unit"),
         ("1e999 mm", LENGTH, "too large"),
         ("0.2 mPa", STIFFNESS, 'megapascal is written "0.2 MPa"'),
+        ("284 F", TEMPERATURE, 'write "284 degF"'),
     ],
 )
 def test_what_is_no_quantity_is_explained(text, dimension, complaint):

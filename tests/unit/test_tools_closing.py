@@ -65,6 +65,19 @@ motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.8 mm" }}
 """.format()
 
 
+# round skins that are smaller than the sheet; the upper one ends 1 mm above the lower one
+SKINS = """
+[[tools]]
+name = "lower"
+shape = { type = "surface_mesh", file = "lower.stl", length_unit = "mm" }
+[[tools]]
+name = "upper"
+shape = { type = "surface_mesh", file = "upper.stl", length_unit = "mm" }
+position = "0 0 11 mm"
+motion = { type = "stroke", direction = [0, 0, -1], distance = "10 mm" }
+"""
+
+
 def step_surface(half, height):
     """A square plate [mm] of that half width, with a square of half of it raised in the middle."""
     x = np.array([-half, -0.2 * half, 0.2 * half, half])
@@ -193,3 +206,18 @@ def test_no_gap_is_found_that_is_not_there_where_a_distance_field_knows_only_bou
     assert 1.05e-3 < closing.end.gap <= 1.2001e-3
     model = build_model(read_scene(path, ['blank.height="16 mm"']))
     assert model.environment.depth_time is None
+
+
+def test_no_gap_is_found_beside_the_rims_of_skins_that_the_sheet_reaches_over(tmp_path):
+    """Round skins under and over a square sheet: at its corners their fields are bounds, zero."""
+    around = 2.0 * np.pi * np.arange(32) / 32
+    rim = 30.0 * np.column_stack([np.cos(around), np.sin(around), 0.0 * around])
+    fan = np.array([[32, k, (k + 1) % 32] for k in range(32)])
+    for name, triangles in (("lower", fan), ("upper", fan[:, ::-1])):
+        skin = meshio.Mesh(np.concatenate([rim, np.zeros((1, 3))]), [("triangle", triangles)])
+        meshio.write(tmp_path / f"{name}.stl", skin)
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.format(tools=SKINS), encoding="utf-8")
+    (closing,) = check_scene(read_scene(path)).closing
+    assert 0.9e-3 < closing.end.gap <= 1.0001e-3
+    assert np.hypot(*closing.end.place[:2]) < 31e-3
