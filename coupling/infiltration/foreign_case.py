@@ -529,7 +529,7 @@ def _table(path: Path) -> list[dict[str, str]]:
     reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
     rows = []
     for row in reader:
-        surplus = row.pop(None, [])  # type: ignore[call-overload]
+        surplus = row.pop(None, [])
         if any(cell.strip() for cell in surplus):
             raise InputError(
                 f"line {reader.line_num} has more cells than the header has columns; a comma "

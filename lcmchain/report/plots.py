@@ -88,14 +88,14 @@ def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
             right = figure.add_axes((0.545, 0.135, 0.395, 0.67))
             left.set_xlabel(label)
             _draw_forces(left, course, names, force, largest, punch)
+            left.legend(loc="upper left")
             _say_largest(left, history, course, time, punch)
             _finish(left, course)
             left.set_ylim(0.0, top)
         _draw_forces(right, time, names, force, None if course is not None else largest, punch)
         if course is None:
+            right.legend(loc="upper left")
             _say_largest(right, history, time, time, punch)
-        else:
-            right.get_legend().remove()
         if np.ptp(travel, axis=0).any():
             _draw_travel(right.twinx(), time, travel)
         right.set_xlabel("time [ms]")
@@ -135,7 +135,6 @@ def _draw_forces(
             label=f"{names[punch]}, single steps",
         )  # fmt: skip
     axis.set_ylabel("contact force [N]")
-    axis.legend(loc="upper left")
 
 
 def _draw_travel(axis: Axes, time: np.ndarray, travel: np.ndarray) -> None:
