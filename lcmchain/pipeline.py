@@ -98,6 +98,13 @@ def run(
         holds the frames up to then.
     OutputError : a file could not be written; earlier checkpoints are whole.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(
+            f"run: needs a scene and got {type(scene).__name__}; read a file by "
+            "lcmchain.read_scene first"
+        )
+    if threads is not None and threads < 0:
+        raise InputError(f"is {threads}; give 1 or more, or None for all cores", key="threads")
     folder = Path(out)
     require_readable_targets(scene)
     require_free_names(scene)

@@ -337,7 +337,11 @@ def transfer_to_nodes(sheet: Sheet, target: TargetMesh, weights: MappingWeights)
     InputError : the sheet is a stack, whose plies lie at other places than its fields.
     """
     if sheet.is_stack:
-        raise InputError("values at nodes are not written for a stack of plies", file=sheet.name)
+        raise InputError(
+            "is a stack of plies, whose values at nodes are not written; leave nodes out "
+            "(--nodes), the values of the cells are written",
+            file=sheet.name,
+        )
     normals = None if target.is_solid else _around_nodes(target, target.surface.normals)
     return carried(sheet, _node_weights(sheet, target, weights), normals)
 

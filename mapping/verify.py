@@ -197,9 +197,12 @@ def _judged(
 def _there_and_back(
     sheet: Sheet, target: TargetMesh, weights: MappingWeights, mapped: MappedFields, weigh: Weigh
 ) -> dict[str, np.ndarray]:
-    """Changes on the faces that lie wholly over the target, not a number on others, shape (F,)."""
+    """Changes on the faces that lie wholly over the target, not a number on others, shape (F,).
+
+    None of a stack: its cells hold the sums over the plies, its faces the values of one.
+    """
     there = weights.mapped
-    if target.is_solid or not there.any():
+    if target.is_solid or sheet.is_stack or not there.any():
         return {}
     permeability = None
     if mapped.axes and np.isfinite(mapped.scalars[PERMEABILITIES[0]][there]).all():
@@ -266,8 +269,9 @@ def refined_sheet(sheet: Sheet) -> Sheet:
         permeability = None
     if permeability is not None:
         columns.append(packed(tensors_of(permeability.values, permeability.axes)))
+    ply = None if sheet.ply is None else sheet.ply[parent]
     if not columns:
-        return replace(sheet, surface=surface)
+        return replace(sheet, surface=surface, ply=ply)
     found = means_of_parts(sheet.surface, surface, parent, np.concatenate(columns, axis=1))
     scalars = {name: found[:, column].copy() for column, name in enumerate(names)}
     directions = {}
@@ -278,8 +282,9 @@ def refined_sheet(sheet: Sheet) -> Sheet:
     if permeability is not None:
         permeability = principal_permeability(unpacked(found[:, -6:]), surface.normals)
     return replace(
-        sheet, surface=surface, scalars=scalars, directions=directions, permeability=permeability
-    )
+        sheet, surface=surface, scalars=scalars, directions=directions, permeability=permeability,
+        ply=ply,
+    )  # fmt: skip
 
 
 def refined_target(target: TargetMesh) -> tuple[TargetMesh, np.ndarray]:

@@ -11,6 +11,7 @@ simulation parameters (Obertscheider, Fauster and others).
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -210,7 +211,7 @@ def read_lcmsim(
     path, file = Path(parts), Path(parameters)
     told: list[str] = []
     rows = [{"name": f"part{k}"} | row for k, row in enumerate(_table(path), start=2)]
-    base, zones = None, []
+    base, zones, names = None, [], list[str]()
     for number, row in enumerate(rows, start=2):
         where = f"line {number}"
         axis = [row.get(f"refdir{k}", row.get(f"refdir_{k}")) for k in (1, 2, 3)]
@@ -218,8 +219,17 @@ def read_lcmsim(
                   ("thickness", "porosity", "permeability", "alpha")]  # fmt: skip
         values += [decimal_of(text or "", f"{where}, refdir", path) for text in axis]
         textile = _textile(values, where, path)
-        kind, name = row.get("type", ""), row["name"]
+        kind, name = row.get("type", ""), _plain_name(row["name"])
         told += _part_told(row)
+        if name != row["name"]:
+            told.append(f'name of {row["name"]}: the part is "{name}" in the case')
+            row["name"] = name
+        if name in names:
+            raise InputError(
+                f'{where}: the part has the name "{name}" of another one; give it its own',
+                file=path,
+            )
+        names.append(name)
         if kind == BASE:
             base = textile
             continue
@@ -227,7 +237,8 @@ def read_lcmsim(
             raise InputError(
                 f'{where}: the type "{kind}" is none of base, inlet, outlet, patch', file=path
             )
-        zones.append(Zone(name, kind, int(_cell(row, "part_id", where, path)), textile))
+        part = _whole_number(_cell(row, "part_id", where, path), f"{where}, part_id", path)
+        zones.append(Zone(name, kind, part, textile))
     if base is None:
         raise InputError("has no part of the type base", file=path)
     layer, not_taken = _layer(rows, path)
@@ -481,7 +492,19 @@ def _row(lines: list[list[str]], line: int, count: int, path: Path) -> list[Deci
 
 
 def _whole(lines: list[list[str]], line: int, place: int, path: Path) -> int:
-    return int(_row(lines, line, place + 1, path)[place])
+    return _whole_number(_row(lines, line, place + 1, path)[place], f"line {line + 1}", path)
+
+
+def _whole_number(value: Decimal, where: str, path: Path) -> int:
+    if value != value.to_integral_value():
+        raise InputError(f"{where}: {value} is no whole number", file=path)
+    return int(value)
+
+
+def _plain_name(name: str) -> str:
+    """Return the name of a part as one that a case may have, of letters, digits, _ and -."""
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_-")
+    return plain if plain[:1].isalpha() else f"part_{plain}".rstrip("_")
 
 
 def _textile(values: list[Decimal], where: str, path: Path) -> Textile:
@@ -503,14 +526,26 @@ def _table(path: Path) -> list[dict[str, str]]:
         raise InputError(f"cannot be read ({error.strerror})", file=path) from None
     except UnicodeDecodeError:
         raise InputError("is no CSV text", file=path) from None
-    rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
-    return [
-        {str(name).strip(): (cell or "").strip() for name, cell in row.items()}
-        for row in rows if any(row.values())
-    ]  # fmt: skip
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    rows = []
+    for row in reader:
+        surplus = row.pop(None, [])
+        if any(cell.strip() for cell in surplus):
+            raise InputError(
+                f"line {reader.line_num} has more cells than the header has columns; a comma "
+                "stands between cells, so numbers need a decimal point",
+                file=path,
+            )
+        if any(row.values()):
+            rows.append({str(name).strip(): (cell or "").strip() for name, cell in row.items()})
+    return rows
 
 
 def _cell(row: dict[str, str], name: str, where: str, path: Path) -> Decimal:
     if name not in row:
-        raise InputError(f"has no column {name}", file=path)
+        there = ", ".join(row) or "none"
+        raise InputError(
+            f"has no column {name}; a comma stands between columns, and those found are {there}",
+            file=path,
+        )
     return decimal_of(row[name], f"{where}, {name}", path)

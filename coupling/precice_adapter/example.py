@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lcmchain.atomic import replacing
+from lcmchain.errors import InputError
 
 #: Window and end of the example, as times of consolidation T = c_v t / H²: 0.05 and 0.85.
 WINDOW, END = 0.5, 8.5
@@ -147,7 +148,15 @@ FILES = {"precice-config.xml": CONFIGURATION, "solid.toml": SOLID, "fluid.toml":
 
 
 def write_example(folder: Path) -> list[Path]:
-    """Write the configuration and the files of both participants into a folder."""
+    """Write the configuration and the files of both participants into a folder.
+
+    Raises
+    ------
+    InputError : one of the files is there already, perhaps changed since.
+    """
+    for name in FILES:
+        if (folder / name).exists():
+            raise InputError("exists already; name another folder", file=folder / name)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in FILES.items():
         with replacing(folder / name) as temporary:

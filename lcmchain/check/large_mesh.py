@@ -79,6 +79,8 @@ LARGE = 200_000
 ENOUGH = 40_000
 #: Memory per element while model and state are built, saved frames aside (measured: 2,700) [bytes].
 BUILDING_BYTES = 3000
+#: Memory of the program: libraries, compiled loops, pictures (measured: 0.47 to 0.61 GB) [bytes].
+PROGRAM_BYTES = 0.5e9
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,16 @@ import numpy as np
 
 from lcmchain.check.effect_cost import Effect
 from lcmchain.check.expected_cost import Estimate
-from lcmchain.check.large_mesh import BUILDING_BYTES, frame_bytes
+from lcmchain.check.large_mesh import BUILDING_BYTES, PROGRAM_BYTES, frame_bytes
 from lcmchain.check.tool_strokes import Closing
 from lcmchain.check.tools_at_start import InitialGap
 from lcmchain.judgements.quasi_static import PERIODS, ProcessTime
-from lcmchain.quantities.readable import duration_text, milliseconds_text
+from lcmchain.quantities.readable import (
+    duration_text,
+    memory_text,
+    millimetres,
+    milliseconds_text,
+)
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.presets import Basis, preset_basis
 from lcmchain.scene.resin_stages import resin_stages
@@ -208,7 +213,7 @@ def gap_table(
         text = "touches" if touching else f"{1e3 * gap.gap:.3f} mm"
         if overlap > 0.0:
             text += f"; contact begins {1e6 * overlap:.2g} um deeper"
-        place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in gap.position)
+        place = millimetres(gap.position, 1).strip("() m")
         table.add_row(_text(gap.tool), text, place)
     return [table]
 
@@ -225,7 +230,7 @@ def closing_table(closing: list[Closing], scene: Scene) -> list[Table]:
     for tools in closing:
         names = " and ".join(scene.tools[k].name for k in tools.pair)
         end, closest = tools.end, tools.closest
-        place = ", ".join(f"{1e3 * coordinate + 0.0:.1f}" for coordinate in closest.place)
+        place = millimetres(closest.place, 1).strip("() m")
         on_the_way = _gap_text(closest, thickness)
         if closest.time < end.time:
             on_the_way += f", at {1e3 * closest.time:.4g} ms"
@@ -338,10 +343,11 @@ def cost_table(
     table.add_row("elements", f"{element_count:,}")
     table.add_row("nodes", f"{node_count:,}")
     frames = process.frames * frame_bytes(element_count, node_count, is_stack=is_stack)
+    mesh = BUILDING_BYTES * element_count
     table.add_row(
         "memory",
-        f"about {1e-9 * BUILDING_BYTES * element_count:.2g} GB, and {1e-9 * frames:.2g} GB for the "
-        "saved frames",
+        f"about {memory_text(PROGRAM_BYTES + mesh + frames)}: {memory_text(PROGRAM_BYTES)} for the "
+        f"program, {memory_text(mesh)} for the mesh, {memory_text(frames)} for the saved frames",
     )
     table.add_row(
         "process time",

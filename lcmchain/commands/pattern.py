@@ -13,6 +13,7 @@ from lcmchain.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
+    import xarray as xr
 
     from lcmchain.pattern.flat import Round
 
@@ -35,7 +36,9 @@ Net = Annotated[
 ]
 NetUnit = Annotated[
     str | None,
-    typer.Option("--length-unit", help="Unit of the net: m, or that of the drawing, by default."),
+    typer.Option(
+        "--length-unit", help="Unit of the net; by default that of its drawing or heading, else m."
+    ),
 ]
 
 
@@ -56,7 +59,7 @@ def section(
     from lcmchain.pattern.tables import section_table, write_table
 
     where, across = _vector("--point", point, "mm"), _vector("--normal", normal, None)
-    sheet = _sheet(source, ply)
+    sheet = _sheet(source, ply, frame)
     with output_folder(out.parent, inputs=[source]):
         table = section_table(sheet, where, across, frame)
         write_table(out, table)
@@ -73,7 +76,7 @@ def draw_in(
     """Write how far the rim of a formed sheet has been drawn in, node by node."""
     from lcmchain.pattern.tables import rim_table, write_table
 
-    sheet = _sheet(source, ply)
+    sheet = _sheet(source, ply, frame)
     with output_folder(out.parent, inputs=[source]):
         table = rim_table(sheet, frame)
         write_table(out, table)
@@ -100,7 +103,7 @@ def trim(
     if length_unit is not None:
         length_of("--length-unit", f"1 {length_unit}")
     line = read_line(net, length_unit)
-    sheet = FormedSheet.of_result(_sheet(source, ply), frame)
+    sheet = FormedSheet.of_result(_sheet(source, ply, frame), frame)
     with output_folder(out.parent, inputs=[source, net]):
         flat = trimming_line(sheet, line, key="--net")
         write_line(out, flat)
@@ -153,8 +156,25 @@ def _tell(found: list[Round], edge_length: float, limit: float | None, folder: P
     say(f"Flat pattern: {folder / 'pattern.csv'} and pattern.dxf")
 
 
-def _sheet(source: Path, ply: str | None):
-    """Open the sheet of a result, or one of its plies."""
+def _sheet(source: Path, ply: str | None, frame: int) -> xr.Dataset:
+    """Open the sheet of a result, or one of its plies, and see that it has a saved frame.
+
+    Raises
+    ------
+    InputError : no such file, ply or frame; names the option.
+    """
+    sheet = _whole_sheet_or_ply(source, ply)
+    count = sheet.sizes.get("time", 0)
+    if not -count <= frame < count:
+        raise InputError(
+            f"is {frame}, but the frames go from 0 to {count - 1}, or backwards from -1",
+            key="--frame",
+            file=source,
+        )
+    return sheet
+
+
+def _whole_sheet_or_ply(source: Path, ply: str | None) -> xr.Dataset:
     from lcmchain.fields.netcdf_file import read_forming, read_group
     from lcmchain.fields.stack import ply_names, ply_sheet
 

@@ -127,6 +127,12 @@ def read_forming(path: Path | str) -> xr.Dataset:
     dataset = read_group(path, ROOT)
     if "sheet_face_nodes" not in dataset:
         raise InputError("this is no forming result: it has no mesh named sheet", file=path)
+    if "reference_position_x" not in dataset:  # the file of a filling keeps the formed shape alone
+        raise InputError(
+            "this is no forming result: it does not say where its nodes were before forming; name "
+            "the forming.nc of the run",
+            file=path,
+        )
     return dataset
 
 

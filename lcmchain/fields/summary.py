@@ -205,13 +205,19 @@ def has_forces(history: xr.Dataset) -> bool:
 
 
 def punch_index(history: xr.Dataset, punch: str | None = None) -> int:
-    """Return the tool called ``punch``, else the one with the longest travel."""
+    """Return the tool called ``punch``, else the one with the longest travel.
+
+    Where none travels it is the one that turns farthest.
+    """
     names = [str(name) for name in history["tool"].values]
     if punch is not None:
         return names.index(punch)
     if "punch" in names:
         return names.index("punch")
-    return int(np.argmax(np.abs(history["tool_travel"].values).max(axis=0)))
+    ways = np.abs(history["tool_travel"].values).max(axis=0)
+    if not ways.any() and "tool_angle" in history:
+        ways = np.abs(history["tool_angle"].values).max(axis=0)
+    return int(np.argmax(ways))
 
 
 def tool_force_magnitude(history: xr.Dataset) -> np.ndarray:

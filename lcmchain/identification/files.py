@@ -198,8 +198,9 @@ def _draw_panel(axis, panel: Panel) -> None:
         last = max(float(curve.x.max()) for curve in panel.curves)
         axis.axvspan(panel.data_end, last, color="#f0f1f3", lw=0, zorder=0)
         axis.set_xlim(0.0, last)
-        axis.text(panel.data_end, 0.985, " extrapolated", transform=axis.get_xaxis_transform(),
-                  fontsize=7, color="#6b737d", va="top")  # fmt: skip
+        # at the right end: the legend stands above the middle
+        axis.text(last, 0.985, "extrapolated ", transform=axis.get_xaxis_transform(),
+                  fontsize=7, color="#6b737d", va="top", ha="right")  # fmt: skip
     if panel.log_x:
         axis.set_xscale("log")
     if panel.log_y:

@@ -417,7 +417,7 @@ class Places:
 
 def place_text(point: np.ndarray) -> str:
     """Write a place in mm, for messages."""
-    return "(" + ", ".join(f"{1e3 * value + 0.0:.1f}" for value in point) + ") mm"
+    return "(" + ", ".join(f"{round(1e3 * value, 1) + 0.0:.1f}" for value in point) + ") mm"
 
 
 def _rough(length: float) -> str:

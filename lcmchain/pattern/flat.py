@@ -19,6 +19,7 @@ import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.fields.dataset import SHEET
+from lcmchain.fields.stack import ply_sheet
 from lcmchain.mesh.outline import check_simple
 from lcmchain.pattern.formed import FormedSheet
 from lcmchain.pipeline import run
@@ -161,8 +162,10 @@ class SceneForming:
         scene = self.scene if outline is None else self._with(outline)
         folder = self.folder / f"round_{self.count}"
         self.count += 1
-        result = run(scene, folder, progress=self.progress)
-        return FormedSheet.of_result(result.datasets[self.ply or SHEET])
+        groups = run(scene, folder, progress=self.progress).datasets
+        if self.ply is None or f"/{self.ply}" not in groups:  # a single ply has no group
+            return FormedSheet.of_result(groups[SHEET])
+        return FormedSheet.of_result(ply_sheet(groups, self.ply))
 
     def _with(self, outline: np.ndarray) -> Scene:
         if self.scene.blank is not None:

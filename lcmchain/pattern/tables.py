@@ -7,6 +7,7 @@ as DXF or CSV.
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ from lcmchain.fields.sheet import (
 from lcmchain.mesh.lines import cut_polygons, in_order
 from lcmchain.mesh.outline import check_simple, polygon_area
 from lcmchain.mesh.places import Places
-from lcmchain.quantities.units import length_factor
+from lcmchain.quantities.units import QuantityError, length_factor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,6 +36,8 @@ SECTION_FIELDS = {
     "shear angle [rad]": "shear_angle",
     "fibre volume fraction [1]": "fibre_volume_fraction",
 }
+#: Names of files that are meant as tables end so.
+TABLES = (".csv", ".txt")
 #: A plane through nodes is moved aside by this part of the sheet's extent.
 ASIDE = 1e-7
 
@@ -165,7 +168,8 @@ def write_table(path: Path, table: Table) -> None:
 def read_line(path: Path, length_unit: str | None) -> np.ndarray:
     """Return a closed line (n, 2) [m], anticlockwise, of a DXF drawing or a table of x and y.
 
-    length_unit : of the file; metres, or that of the drawing, where None.
+    length_unit : of the file; where None that of the drawing or of the heading, as in ``x [mm]``,
+        else metres.
 
     Raises
     ------
@@ -175,25 +179,59 @@ def read_line(path: Path, length_unit: str | None) -> np.ndarray:
         text = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from None
-    rows = [row for row in csv.reader(text.decode("utf-8", "replace").splitlines()) if row]
-    try:
-        values = [[float(value) for value in row[:2]] for row in rows[1:] if len(row) >= 2]
-        is_table = len(values) == len(rows) - 1 and len(values) >= 3
-    except ValueError:
-        is_table = False
-    if is_table:
-        line = np.array(values) * length_factor(length_unit or "m")
+    table = _numbers_below_heading(text.decode("utf-8-sig", "replace").splitlines())
+    if table is not None:
+        unit, values = table
+        try:
+            line = values * length_factor(length_unit or unit or "m")
+        except QuantityError as error:
+            raise InputError(str(error), key="heading", file=path) from None
     else:
         # Imported where a line is drawn: the library takes longer than others do.
         from lcmchain.mesh.drawing import read_drawing
 
-        line = read_drawing(
-            path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5
-        ).rim
+        try:
+            line = read_drawing(
+                path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5
+            ).rim
+        except InputError as error:
+            if path.suffix.lower() not in TABLES:
+                raise
+            raise InputError(
+                f"is no table of x and y: two numbers with a decimal point in each of three rows "
+                f"or more, under a heading such as x [mm],y [mm]; and {error.message}",
+                file=path,
+            ) from None
     if len(line) > 1 and np.array_equal(line[0], line[-1]):
         line = line[:-1]
     check_simple(line, "--net")
     return line if polygon_area(line) > 0.0 else line[::-1]
+
+
+def _numbers_below_heading(lines: list[str]) -> tuple[str, np.ndarray] | None:
+    """Return the unit that a heading names, empty without one, and the numbers (n, 2) below it.
+
+    Comma, semicolon or tab separates them. None where there are not two in each row. The heading
+    may be left out.
+    """
+    separator = next((mark for mark in ";\t" if lines and mark in lines[0]), ",")
+    rows = [row for row in csv.reader(lines, delimiter=separator) if row]
+    if not rows:
+        return None
+    unit = ""
+    try:
+        [float(cell) for cell in rows[0][:2]]
+    except ValueError:
+        found = re.search(r"[\[(]\s*([^\[\]()]+?)\s*[\])]", rows[0][0])
+        unit = found[1] if found is not None else ""
+        rows = rows[1:]
+    try:
+        values = [[float(cell) for cell in row[:2]] for row in rows]
+    except ValueError:
+        return None
+    if len(values) < 3 or any(len(value) < 2 for value in values):
+        return None
+    return unit, np.array(values)
 
 
 def write_line(path: Path, line: np.ndarray) -> None:

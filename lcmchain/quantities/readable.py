@@ -37,6 +37,12 @@ def duration_text(seconds: float) -> str:
     return f"{whole_minutes // 60} h {whole_minutes % 60:02d} min"
 
 
+def memory_text(size: float) -> str:
+    """Return a size of memory [bytes]: ``"0.5 GB"``, below a tenth of that ``"12 MB"``."""
+    in_gb = 1e-9 * size
+    return f"{in_gb:.2g} GB" if in_gb >= 0.0995 else f"{1e3 * in_gb:.2g} MB"
+
+
 def millimetres(point: Iterable[float], decimals: int = 2) -> str:
     """Return coordinates [m] as text: ``"(12.00, 0.00, -3.50) mm"``; zero has no minus."""
     values = ", ".join(f"{round(1e3 * float(c), decimals) + 0.0:.{decimals}f}" for c in point)

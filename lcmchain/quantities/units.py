@@ -149,8 +149,13 @@ def parse_quantity(text: str, dimension: Dimension, *, is_size: bool = True) -> 
     if unit_text is None:
         raise QuantityError(f'"{text}" has no unit; {needed}')
     unit_text = unit_text.strip()
+    if dimension is LENGTH and unit_text in ("mil", "mils"):
+        unit_text = "thou"  # pint's mil is an angle, which a length cannot be
     if dimension in (STIFFNESS, PRESSURE) and re.fullmatch(r"m(Pa|pa)", unit_text):
         raise QuantityError(f'"{text}" is in millipascal; megapascal is written "{number} MPa"')
+
+    if dimension is TEMPERATURE and unit_text in ("C", "F"):
+        raise QuantityError(f'"{text}" is in coulomb or farad; write "{number} deg{unit_text}"')
 
     registry = _registry()
     unit = _parse_unit(unit_text, dimension, needed)

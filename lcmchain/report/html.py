@@ -40,6 +40,7 @@ from lcmchain.report.style import (
     CAPTIONS,
     SERIES,
     SHOWN,
+    STACK_SHOWN,
     Shown,
     caption_of,
     colour_scale,
@@ -267,6 +268,7 @@ COLOURS = 24
 
 _PRESSURE, _STRAIN = ("kPa", 1e-3), ("%", 100.0)
 _RISK = ("", 1.0, "YlOrRd", False, 2, 0.0, 1.0)
+_AREAL_MASS = ("g/m²", 1e3, "YlGnBu", False, 1)
 #: How fields are shown of which no picture is drawn.
 _OTHERS = (
     Shown("fibre_strain_1", "Strain of fibre 1", *_STRAIN, "PuOr_r", True, 3),
@@ -280,7 +282,7 @@ _OTHERS = (
     Shown("wrinkle_risk_compression", "Risk by compression", *_RISK),
     Shown("wrinkle_risk_locking", "Nearness of locking", *_RISK),
     Shown("wrinkle_risk_waves", "Risk by unresolved waves", *_RISK),
-    Shown("areal_fibre_mass", "Fibre mass per area", "g/m²", 1e3, "YlGnBu", False, 1),
+    Shown("areal_fibre_mass", "Fibre mass per area", *_AREAL_MASS),
     *(
         Shown(f"permeability_{i}", f"Principal permeability {i}", "µm²", 1e12, "cividis", False, 3)
         for i in (1, 2, 3)
@@ -293,6 +295,10 @@ _OTHERS = (
     Shown("slip_path_bottom", "Slip path of the lower face", "mm", 1e3, "cividis", False, 2),
     Shown("ply_gap_top", "Gap over the upper face", "mm", 1e3, "PuOr_r", True, 3),
     Shown("ply_gap_bottom", "Gap under the lower face", "mm", 1e3, "PuOr_r", True, 3),
+    *STACK_SHOWN,
+    Shown("stack_areal_fibre_mass", "Fibre mass per area of the stack", *_AREAL_MASS),
+    Shown("stack_ply_count", "Plies over each other", "", 1.0, "viridis", False, 0),
+    Shown("pore_pressure", "Pressure in the pores", *_PRESSURE, "viridis", False, 2),
     Shown("displacement", "Displacement", "mm", 1e3, "cividis", False, 2),
 )
 _SHOWN: dict[str, Shown] = {shown.name: shown for shown in (*SHOWN, *_OTHERS)}

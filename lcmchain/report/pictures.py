@@ -47,6 +47,7 @@ from lcmchain.report.style import (
     headline,
     new_figure,
     save,
+    shades_of,
 )
 from lcmchain.report.view import FROM_ABOVE, View, boundary_edges, hangs_down, oblique
 
@@ -92,7 +93,7 @@ def draw_field(path: Path | str, sheet: xr.Dataset, shown: Shown, frame: int = -
         right = axes_at(figure, 6.2, 0.5, widths[1], panel)
         bar = axes_at(figure, 10.4, 0.5 + 0.12 * panel, 0.16, 0.76 * panel)
         colours = colour_scale(values, shown)
-        shades = colours.to_rgba(values)
+        shades = shades_of(colours, values)
         for own in _from_back_to_front(sheet, view, frame):
             edges = boundary_edges(faces[own])
             draw_facets(left, points[faces[own]], view, shades[own], rim=points[edges])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from lcmchain.thresholds import LARGEST_KINETIC_PART
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
 
 # Parts of the energy balance that are not stored or dissipated energy, and how they are drawn.
@@ -65,57 +67,102 @@ def draw_energy(path: Path | str, history: xr.Dataset, title: str = "") -> None:
 
 
 def draw_force(path: Path | str, history: xr.Dataset, title: str = "") -> None:
-    """Draw the force on every tool over the stroke of the punch, and over time with the travel.
+    """Draw the force on every tool over the course of the punch, and over time with the travel.
 
-    Means over the intervals of the histories, with the largest force of single steps as a thin
-    line, where a result has them; else the forces of the frames.
+    The course is the travel of the punch, or its angle where it turns; over tools that all stand
+    the forces are drawn over time alone. Means over the intervals of the histories, with the
+    largest force of single steps as a thin line, where a result has them; else the forces of the
+    frames.
     """
-    from matplotlib.patheffects import withStroke
-
     time, travel, force, largest = _tool_curves(history)
     names = [str(name) for name in history["tool"].values]
     punch = punch_index(history)
+    course, label = _course(history, travel, punch, names[punch])
     with matplotlib.rc_context(RC):
         figure = new_figure(9.6, 3.9)
-        left = figure.add_axes((0.07, 0.135, 0.40, 0.67))
-        right = figure.add_axes((0.545, 0.135, 0.395, 0.67))
-        second = right.twinx()
-        for tool, name in enumerate(names):
-            colour = SERIES[tool % len(SERIES)]
-            line: dict[str, Any] = {"color": colour, "lw": 1.9 if tool == punch else 1.2}
-            left.plot(travel[:, punch], force[:, tool], label=name, **line)
-            right.plot(time, force[:, tool], **line)
-            if np.ptp(travel[:, tool]) > 0.0:
-                second.plot(time, travel[:, tool], color=colour, lw=1.0, ls=":")
-        if largest is not None:
-            left.plot(
-                travel[:, punch], largest[:, punch], color=INK, lw=0.5, alpha=0.5, zorder=1,
-                label=f"{names[punch]}, single steps",
-            )  # fmt: skip
-        place = _largest_force(history, punch)
-        left.annotate(
-            f"{names[punch]}: max {place[1]:.3g} N", place, (-8, 3), textcoords="offset points",
-            ha="right", fontsize=7.5, zorder=6,
-            path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        )  # fmt: skip
-        left.plot(*place, "o", ms=3.5, color=INK, clip_on=False)
-        left.set_xlabel(f"travel of the {names[punch]} [mm]")
-        left.set_ylabel("contact force [N]")
-        left.legend(loc="upper left")
+        top = 1.12 * max(float(np.nanmax(force)), 1e-12)
+        if course is None:
+            right = figure.add_axes((0.07, 0.135, 0.87, 0.67))
+        else:
+            left = figure.add_axes((0.07, 0.135, 0.40, 0.67))
+            right = figure.add_axes((0.545, 0.135, 0.395, 0.67))
+            left.set_xlabel(label)
+            _draw_forces(left, course, names, force, largest, punch)
+            left.legend(loc="upper left")
+            _say_largest(left, history, course, time, punch)
+            _finish(left, course)
+            left.set_ylim(0.0, top)
+        _draw_forces(right, time, names, force, None if course is not None else largest, punch)
+        if course is None:
+            right.legend(loc="upper left")
+            _say_largest(right, history, time, time, punch)
+        if np.ptp(travel, axis=0).any():
+            _draw_travel(right.twinx(), time, travel)
         right.set_xlabel("time [ms]")
-        right.set_ylabel("contact force [N]")
-        second.set_ylabel("travel [mm] (dotted)")
-        reach = float(np.nanmax(np.abs(travel))) or 1.0
-        second.set_ylim(min(1.12 * float(np.nanmin(travel)), 0.0), 1.12 * reach)
-        second.tick_params(length=2.5)
-        second.spines["top"].set_visible(False)
-        _finish(left, travel[:, punch])
         _finish(right, time)
         _mark_stages(right, history)
-        for axis in (left, right):
-            axis.set_ylim(0.0, 1.12 * max(float(np.nanmax(force)), 1e-12))
+        right.set_ylim(0.0, top)
         headline(figure, "Tool forces", title)
         save(figure, path)
+
+
+def _course(
+    history: xr.Dataset, travel: np.ndarray, punch: int, name: str
+) -> tuple[np.ndarray | None, str]:
+    """Return the travel [mm] of the punch or its angle [°] and what it is; None if it stands."""
+    if np.ptp(travel[:, punch]) > 0.0:
+        return travel[:, punch], f"travel of the {name} [mm]"
+    angles = "history_tool_angle" if has_histories(history) else "tool_angle"
+    if angles in history and np.ptp(history[angles].values[:, punch]) > 0.0:
+        return np.degrees(history[angles].values[:, punch]), f"angle of the {name} [°]"
+    return None, ""
+
+
+def _draw_forces(
+    axis: Axes,
+    x: np.ndarray,
+    names: Sequence[str],
+    force: np.ndarray,
+    largest: np.ndarray | None,
+    punch: int,
+) -> None:
+    for tool, name in enumerate(names):
+        width = 1.9 if tool == punch else 1.2
+        axis.plot(x, force[:, tool], label=name, color=SERIES[tool % len(SERIES)], lw=width)
+    if largest is not None:
+        axis.plot(
+            x, largest[:, punch], color=INK, lw=0.5, alpha=0.5, zorder=1,
+            label=f"{names[punch]}, single steps",
+        )  # fmt: skip
+    axis.set_ylabel("contact force [N]")
+
+
+def _draw_travel(axis: Axes, time: np.ndarray, travel: np.ndarray) -> None:
+    """Draw the travel (H, T) [mm] of the tools that move over time [ms], dotted."""
+    for tool in np.flatnonzero(np.ptp(travel, axis=0) > 0.0):
+        axis.plot(time, travel[:, tool], color=SERIES[tool % len(SERIES)], lw=1.0, ls=":")
+    axis.set_ylabel("travel [mm] (dotted)")
+    reach = float(np.nanmax(np.abs(travel))) or 1.0
+    axis.set_ylim(min(1.12 * float(np.nanmin(travel)), 0.0), 1.12 * reach)
+    axis.tick_params(length=2.5)
+    axis.spines["top"].set_visible(False)
+
+
+def _say_largest(
+    axis: Axes, history: xr.Dataset, course: np.ndarray, time: np.ndarray, punch: int
+) -> None:
+    """Mark the force of the punch that the summary quotes, at its place of the course."""
+    from matplotlib.patheffects import withStroke
+
+    name = str(history["tool"].values[punch])
+    when, size = _largest_force(history, punch)
+    place = float(np.interp(when, time, course)), size
+    axis.annotate(
+        f"{name}: max {size:.3g} N", place, (-8, 3), textcoords="offset points",
+        ha="right", fontsize=7.5, zorder=6,
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+    )  # fmt: skip
+    axis.plot(*place, "o", ms=3.5, color=INK, clip_on=False)
 
 
 def _energies(history: xr.Dataset) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -143,14 +190,14 @@ def _tool_curves(
 
 
 def _largest_force(history: xr.Dataset, tool: int) -> tuple[float, float]:
-    """Return travel [mm] and size [N] of the force that the summary quotes."""
-    time, travel, force, _ = _tool_curves(history)
+    """Return time [ms] and size [N] of the force that the summary quotes."""
+    time, _, force, _ = _tool_curves(history)
     middle = time
     if has_histories(history):
         middle, force = quoted_force(history)
         middle = 1e3 * middle
     top = int(np.argmax(force[:, tool]))
-    return float(np.interp(middle[top], time, travel[:, tool])), float(force[top, tool])
+    return float(middle[top]), float(force[top, tool])
 
 
 def _draw_ratios(axis, time, parts, error) -> None:

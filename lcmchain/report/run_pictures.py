@@ -18,6 +18,7 @@ from lcmchain.fields.sheet import course_names, sheet_faces, sheet_positions
 from lcmchain.fields.stack import ply_names, without_films
 from lcmchain.fields.stages import last_frames
 from lcmchain.fields.summary import has_forces
+from lcmchain.materials.law import is_film, tells_fibres
 from lcmchain.report.drawn_tools import DepthBuffer, RunTools, draw_tool
 from lcmchain.report.pictures import (
     draw_between_tools,
@@ -40,6 +41,7 @@ from lcmchain.report.style import (
     headline,
     new_figure,
     picture_name,
+    shades_of,
 )
 from lcmchain.report.view import boundary_edges, hangs_down, oblique
 from lcmchain.scene.output import NO_FILM, Output
@@ -71,7 +73,13 @@ def require_film(output: Output, sheets: Sequence[tuple[SheetMesh, Material]]) -
             f'the 2D approach predicts no {field}; use "shear_angle" or "wrinkle_height"',
             key="output.animation_field",
         )
-    without_density = any(material.fibre_density is None for _, material in sheets)
+    shown = [material for _, material in sheets if not is_film(material)]  # films are left out
+    if field == "shear_angle" and not any(map(tells_fibres, shown)):
+        raise InputError(
+            'is of fibres, and the sheet has none; use "thickness" or "wrinkle_height"',
+            key="output.animation_field",
+        )
+    without_density = any(material.fibre_density is None for material in shown)
     if field == "fibre_volume_fraction" and without_density:
         raise InputError(
             "a material without fibre_density has no fibre_volume_fraction",
@@ -100,7 +108,10 @@ def draw_stages(
         travel = tool_places(history)[frame]
         present = None if tools is None else tools.in_frame(history, frame)
         paths = {what: folder / picture_name(number, name, what) for what in CAPTIONS_OF_STAGE}
-        draw_field(paths["shear_angle"], sheet, SHOWN[0], frame)
+        if "shear_angle" in sheet:
+            draw_field(paths["shear_angle"], without_films(sheet), SHOWN[0], frame)
+        else:  # a film alone has no fibres
+            del paths["shear_angle"]
         if ply_names(sheet):
             draw_stack_sections(paths["sections"], groups, planes, present, travel, frame)
         else:
@@ -278,17 +289,19 @@ def write_film(path: Path, images: Iterator[np.ndarray], seconds: float) -> None
 
 def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]:
     """Yield the pixels (height, width, 3) of every frame."""
+    sheet = without_films(sheet)
     faces = sheet_faces(sheet)
     rim = boundary_edges(faces)
     values = shown.factor * sheet[shown.name].values
     count = len(values)
     positions = np.stack([sheet_positions(sheet, frame) for frame in range(count)])
     view = oblique(from_below=hangs_down(positions[-1], rim))
-    low, high = positions.min(axis=(0, 1)), positions.max(axis=(0, 1))
+    used = positions[:, np.unique(faces)]  # none of a film
+    low, high = used.min(axis=(0, 1)), used.max(axis=(0, 1))
     size = float((high - low).max())
     box = np.stack([low, high]) + 0.06 * size * np.array([[-1.0], [1.0]])
     corners = np.stack(np.meshgrid(*box.T), axis=-1).reshape(-1, 3)
-    shown_part = 1e3 * view.on_screen(corners if tools is not None else positions.reshape(-1, 3))
+    shown_part = 1e3 * view.on_screen(corners if tools is not None else used.reshape(-1, 3))
     colours = colour_scale(values, shown)
     times = 1e3 * sheet["time"].values
     title = f"{sheet.attrs.get('title', '')}  ·  t = "
@@ -300,9 +313,8 @@ def _images(sheet, history, shown: Shown, tools, report) -> Iterator[np.ndarray]
             on_elements = values[frame]
             if sheet[shown.name].attrs["location"] == "node":
                 on_elements = on_faces(on_elements, faces)
-            draw_facets(
-                axis, points[faces], view, colours.to_rgba(on_elements), rim=points[rim], zorder=2.0
-            )
+            shades = shades_of(colours, on_elements)
+            draw_facets(axis, points[faces], view, shades, rim=points[rim], zorder=2.0)
             if tools is not None:
                 buffer = DepthBuffer(points[faces], view)
                 travel = tool_places(history)[frame]

@@ -47,6 +47,7 @@ from lcmchain.report.style import (
     headline,
     new_figure,
     save,
+    shades_of,
 )
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, hangs_down, oblique
 from lcmchain.tools.distance import gaps
@@ -60,8 +61,6 @@ FILM_SHADE = (0.93, 0.94, 0.96, 1.0)
 #: Plies that a picture shows at most, and beside each other.
 MOST_PLIES, IN_A_ROW = 16, 4
 PANEL = 2.5  # width and height of a ply's panel [in]
-#: Colour of faces without a value.
-UNKNOWN = (1.0, 1.0, 1.0, 1.0)
 #: Colours of neighbouring plies in a section.
 PLY_COLOURS = ("#aeb8c4", "#dcd3c3")
 #: How far plies are lifted off each other, in parts of the height and of the width of the stack.
@@ -151,7 +150,7 @@ def _draw_field(
             points, initial = 1e3 * sheet_positions(sheet, frame), 1e3 * reference_positions(sheet)
             faces = sheet_faces(sheet)
             rim = boundary_edges(faces)
-            shades = np.where(np.isnan(own)[:, None], UNKNOWN, colours.to_rgba(own))
+            shades = shades_of(colours, own)
             draw_facets(
                 axis, points[faces], FROM_ABOVE, shades, shaded=False, edge_darkness=0.7,
                 edge_width=0.1,

@@ -200,9 +200,8 @@ def _draw_ply(axis, number: int, name: str, mesh: BlankMesh, shapes, box, angles
     points, faces = 1e3 * mesh.mid_surface_positions, mesh.faces
     _draw_plan(axis, mesh, points, faces, boundary_edges(faces), shapes, angles)
     x, y = mesh.fibre_direction_1[0, :2]
-    axis.set_title(
-        f"{number}: {name}, {np.degrees(np.arctan2(y, x)) + 0.0:.4g}°", color=INK, loc="left"
-    )
+    laid = f"{np.degrees(np.arctan2(y, x)) + 0.0:.4g}°" if len(angles) else "without fibres"
+    axis.set_title(f"{number}: {name}, {laid}", color=INK, loc="left")
     axis.set_xlim(box[0][0], box[1][0])
     axis.set_ylim(box[0][1], box[1][1])
     axis.set_aspect("equal")

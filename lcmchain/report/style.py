@@ -162,6 +162,15 @@ def colour_scale(values: np.ndarray, shown: Shown) -> ScalarMappable:
     return ScalarMappable(Normalize(low, high), shown.colour_map)
 
 
+#: Colour of faces without a value.
+UNKNOWN = (1.0, 1.0, 1.0, 1.0)
+
+
+def shades_of(colours: ScalarMappable, values: np.ndarray) -> np.ndarray:
+    """Return the colours (F, 4) of values on faces (F,): white where there is none, not black."""
+    return np.where(np.isnan(values)[:, None], UNKNOWN, colours.to_rgba(values))
+
+
 def _round_limit(limit: float, shown: Shown) -> float:
     """Return the next round number that the colours of a signed field end at."""
     least = LEAST_LIMIT.get(shown.unit, 0.0)
@@ -213,7 +222,8 @@ CAPTIONS: dict[str, str] = {
     "tools.png": "Formed shape between the tools in their final position, which are transparent",
     "sections.png": "Sections through sheet and tools: to scale, and unrolled with the thickness "
     "stretched, so that gaps and penetrations show",
-    "force.png": "Forces on the tools over the travel of the punch, and over time with the travels",
+    "force.png": "Forces on the tools over the travel of the punch, or its angle, and over time "
+    "with the travels",
     "force_over_travel.png": "Force on every tool over its own travel: mean over the intervals of "
     "the histories, and the band up to the largest force of a single step",
     "energy.png": "Energy balance, and kinetic energy and balance error as ratios",

@@ -142,6 +142,8 @@ def named_plies(plies: tuple[Ply, ...]) -> tuple[Ply, ...]:
 
 EXAMPLE = "[0/90, 45/-45]s"
 
+#: Signs of typeset codes, as they are pasted from a drawing: both minus signs, and degrees.
+_PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{EN DASH}": "-", "°": ""})
 _CODE = re.compile(r"\s*\[(?P<plies>[^\[\]]*)\]\s*_?(?P<count>\d{1,4})?\s*_?(?P<mirror>[sS])?\s*")
 _NUMBER = r"[-+]?\d{1,4}(?:\.\d{1,9})?"
 _PLY = re.compile(rf"(?P<both>±|\+/?-(?=\d))?(?P<first>{_NUMBER})(?:\s*/\s*(?P<second>{_NUMBER}))?")
@@ -163,6 +165,7 @@ def angles_of(code: str) -> tuple[float, ...]:
     ------
     LayupError : the code cannot be read, or has no plies.
     """
+    code = code.translate(_PLAIN)
     whole = _CODE.fullmatch(code)
     if whole is None:
         raise LayupError(f'is "{shortened(code)}", which is no stack of plies; write "{EXAMPLE}"')

@@ -150,9 +150,15 @@ class Simulation:
     Parameters
     ----------
     model : constants; state : start, at rest in the reference when omitted.
+
+    Raises
+    ------
+    InputError : the state of another model.
     """
 
     def __init__(self, model: Model, state: State | None = None) -> None:
+        if state is not None:
+            state.require_fits(model)  # compiled code does not look where an array ends
         self.model = model
         self.state = state or State.at_rest(model)
         if model.stages and state is None:

@@ -16,12 +16,19 @@ from lcmchain.study.outcome import Outcome
 
 @dataclass(frozen=True)
 class Result:
-    """A number of a run: its name in files, titles, unit, and factor from SI to that unit."""
+    """A number of a run.
+
+    Parameters
+    ----------
+    name : in files, where the number is in SI. title : in words; short : for narrow tables.
+    unit, scale : shown in tables, and how many of it are one SI unit. si_unit : in files.
+    """
 
     name: str
     title: str
     short: str
     unit: str
+    si_unit: str
     scale: float = 1.0
 
     @property
@@ -30,15 +37,15 @@ class Result:
 
 
 RESULTS = (
-    Result("thickness_mean", "mean thickness", "t mean", "mm", 1e3),
-    Result("thickness_least", "least thickness", "t min", "mm", 1e3),
-    Result("shear_angle_mean", "mean shear angle", "γ mean", "°", 180.0 / math.pi),
-    Result("shear_angle_high", "shear angle, 99 %", "γ 99 %", "°", 180.0 / math.pi),
-    Result("fibre_volume_fraction_high", "v_f, 99 %", "v_f 99 %", ""),
-    Result("wrinkle_height", "wrinkle height", "wrinkle", "mm", 1e3),
-    Result("punch_force", "punch force", "force", "N"),
-    Result("clamp_force", "clamp force", "force", "N"),
-    Result("forming_work", "forming work", "work", "mJ", 1e3),
+    Result("thickness_mean", "mean thickness", "t mean", "mm", "m", 1e3),
+    Result("thickness_least", "least thickness", "t min", "mm", "m", 1e3),
+    Result("shear_angle_mean", "mean shear angle", "γ mean", "°", "rad", 180.0 / math.pi),
+    Result("shear_angle_high", "shear angle, 99 %", "γ 99 %", "°", "rad", 180.0 / math.pi),
+    Result("fibre_volume_fraction_high", "v_f, 99 %", "v_f 99 %", "", "1"),
+    Result("wrinkle_height", "wrinkle height", "wrinkle", "mm", "m", 1e3),
+    Result("punch_force", "punch force", "force", "N", "N"),
+    Result("clamp_force", "clamp force", "force", "N", "N"),
+    Result("forming_work", "forming work", "work", "mJ", "J", 1e3),
 )
 _NUMBERS = {
     "thickness_least": "thickness_min_m",

@@ -106,8 +106,8 @@ def file_name(name: str) -> str:
 class Study:
     """Runs of variants of one scene or coupon, kept in a folder."""
 
-    def __init__(self, source: Source, folder: Path, workers: Workers | None = None) -> None:
-        self.source, self.folder = source, folder
+    def __init__(self, source: Source, folder: Path | str, workers: Workers | None = None) -> None:
+        self.source, self.folder = source, Path(folder)
         self.workers = workers or Workers()
 
     def outcomes(

@@ -195,7 +195,7 @@ class SweptRun:
 
 def run_sweep(
     text: Source,
-    folder: Path,
+    folder: Path | str,
     entries: Sequence[Entry],
     *,
     count: int | None = None,
@@ -258,11 +258,19 @@ def _shortened(value: str) -> str:
     return with_unit(float(f"{number:.4g}"), unit).strip('"')
 
 
-def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path]:
+def write_sweep(folder: Path | str, title: str, runs: Sequence[SweptRun]) -> list[Path]:
     """Write ``sweep.csv`` and ``sweep.nc``, numbers in SI; return the files."""
-    table, data = folder / "sweep.csv", folder / "sweep.nc"
+    table, data = Path(folder) / "sweep.csv", Path(folder) / "sweep.nc"
     names = [r.name for r in RESULTS]
     keys = list(runs[0].entries)
+    numbers_in_si = {
+        r.name: (
+            "run",
+            [run.results[r.name] for run in runs],
+            {"units": r.si_unit, "long_name": r.title},
+        )
+        for r in RESULTS
+    }
     with replacing(table) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*keys, *names, "seconds", "failure"])
@@ -272,8 +280,17 @@ def write_sweep(folder: Path, title: str, runs: Sequence[SweptRun]) -> list[Path
     dataset = xr.Dataset(
         {
             **{f"entry_{k.replace('.', '_')}": ("run", *_values(runs, k)) for k in keys},
-            **{n: ("run", [run.results[n] for run in runs], {"comment": "SI"}) for n in names},
-            "seconds": ("run", [run.seconds for run in runs], {"units": "s"}),
+            **numbers_in_si,
+            "seconds": (
+                "run",
+                [run.seconds for run in runs],
+                {"units": "s", "long_name": "computing time"},
+            ),
+            "failure": (
+                "run",
+                np.array([run.failure for run in runs], dtype=object),
+                {"long_name": "why the run has no result, empty where it has"},
+            ),
         },
         attrs={"title": title},
     )  # fmt: skip

@@ -20,7 +20,7 @@ import numpy as np
 
 from lcmchain.jit import entry, equation
 from lcmchain.mesh.sheet_mesh import SheetMesh
-from lcmchain.tools.distance import gaps, signed_distance
+from lcmchain.tools.distance import FIELD, gaps, signed_distance
 from lcmchain.tools.motion.prescribed import prescribed_travel
 from lcmchain.tools.table import ToolTable
 
@@ -34,6 +34,9 @@ EVALUATIONS = 64
 #: A place lies on a tool whose distance is less than this part of the size of the sheet; surfaces
 #: meet whose gap is less than so many times that.
 ON_TOOL, TOUCH = 1e-7, 10.0
+#: Way to places around one, in parts of the size of the sheet, by which a distance changes on a
+#: surface: at least and at most by these parts of the way, in one of six directions.
+PROBE, LEAST_RATE, MOST_RATE = 1e-6, 0.3, 1.7
 #: First step on the way to the deepest place of an overlap, in parts of the size of the sheet.
 FIRST_STEP = 0.01
 
@@ -112,18 +115,47 @@ def closest_gaps(
         starts = np.concatenate([places, *hits])
         starts = starts[np.isfinite(starts[:, 2])]
         area = np.concatenate([low[:2] - accuracy, high[:2] + accuracy])
-        gaps = nearest_gaps(tools, *pair, travel, starts, 2, area, accuracy)
-        best = starts[np.argsort(gaps[:, 0], kind="stable")[:KEPT]]
+        rows = nearest_gaps(tools, *pair, travel, starts, 2, area, accuracy)
+        drop_fringes(tools, pair, travel, rows, PROBE * size)
+        best = starts[np.argsort(rows[:, 0], kind="stable")[:KEPT]]
         further = nearest_gaps(tools, *pair, travel, best, LEGS, area, accuracy)
-        gaps = np.concatenate([gaps, further])
-        meet = gaps[gaps[:, 0] < TOUCH * accuracy]
+        drop_fringes(tools, pair, travel, further, PROBE * size)
+        rows = np.concatenate([rows, further])
+        meet = rows[rows[:, 0] < TOUCH * accuracy]
         if len(meet):
-            gaps = meet[np.argsort(meet[:, 0], kind="stable")[:KEPT]]
-            deepest_overlaps(tools, *pair, travel, gaps, FIRST_STEP * size, area, accuracy)
-        least = gaps[np.argmin(gaps[:, 0])]
+            rows = meet[np.argsort(meet[:, 0], kind="stable")[:KEPT]]
+            deepest_overlaps(tools, *pair, travel, rows, FIRST_STEP * size, area, accuracy)
+        least = rows[np.argmin(rows[:, 0])]
         middle = 0.5 * (least[1:4] + least[4:7])
         found.append(ClosestGap(float(least[0]) + overlap, middle, time))
     return found
+
+
+def drop_fringes(
+    tools: ToolTable, pair: tuple[int, int], travel: np.ndarray, rows: np.ndarray, step: float
+) -> None:
+    """Make gaps infinite that end where a distance field is zero without a surface.
+
+    Beside the rim of a skin the field is a bound of the distance alone, which may be zero. It is so
+    all around, while away from a surface the distance grows with the way.
+
+    Parameters
+    ----------
+    travel : of all tools [m]. rows : of :func:`nearest_gaps`. step : to places around [m].
+    """
+    for tool in pair:
+        if tools.kind[tool] != FIELD:
+            continue
+        for own, columns in ((True, slice(1, 4)), (False, slice(4, 7))):
+            ends_there = (rows[:, 7] == tool) == own
+            chosen = np.flatnonzero(np.isfinite(rows[:, 0]) & ends_there)
+            places = rows[chosen, columns]
+            here = gaps(tools, tool, places, travel[tool])
+            on_surface = np.zeros(len(chosen), dtype=bool)
+            for move in step * np.concatenate([np.eye(3), -np.eye(3)]):
+                change = np.abs(gaps(tools, tool, places + move, travel[tool]) - here)
+                on_surface |= (change > LEAST_RATE * step) & (change < MOST_RATE * step)
+            rows[chosen[~on_surface], 0] = np.inf
 
 
 @entry

@@ -20,6 +20,7 @@ from lcmchain.mapping import (
 from lcmchain.mapping.fields import content_of_cells, content_of_sheet
 from lcmchain.mapping.picture import comparable
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
+from lcmchain.mapping.verify import verify
 from lcmchain.mapping.weights import present
 
 DEPTH = 0.3
@@ -290,6 +291,28 @@ def test_where_a_ply_ends_the_other_takes_the_whole_thickness(make):
     np.testing.assert_allclose(fields.scalars["ply_share_under"][left], 0.4, rtol=1e-9)
     np.testing.assert_allclose(fields.scalars["thickness"][right], UNDER, rtol=1e-9)
     np.testing.assert_allclose(fields.scalars["thickness"][left], STACK, rtol=1e-9)
+
+
+def test_the_error_of_a_mapping_is_that_of_the_stack_where_a_ply_ends(make):
+    """Even plies of the same outline have none; beyond the end of one it stays below a ply."""
+    under, over = meshes(make, flat(make))
+    half = over[0][over[1]].mean(axis=1)[:, 0] < 0.0
+    pairs = {"thickness": (UNDER, OVER), "areal_fibre_mass": (0.3, 0.6)}
+    families = [make.families(*mesh) for mesh in (under, (over[0], over[1][half]))]
+    target = shells(make, flat(make), half=0.4)
+
+    def judged(one, **more):
+        sheet = read_sheet(make.two_plies(under, one, **pairs, **more))
+        weights, mapped = mapped_onto(sheet, target)
+        return verify(sheet, target, weights, mapped, compute_weights)
+
+    found = judged(over).fields["thickness"]
+    assert found.worst < 1e-9 * STACK and found.there_and_back is None
+    directions = {"fibre_direction_1": tuple(pair[0] for pair in families)}
+    ended = judged((over[0], over[1][half]), **directions)
+    away = np.abs(target.centroids[:, 0]) > 0.2
+    assert ended.cells["thickness"][away].max() < 1e-9 * STACK
+    assert ended.fields["thickness"].worst < OVER
 
 
 def test_numbering_of_the_plies_means_nothing(make):

@@ -26,6 +26,7 @@ def degrees(code):
         ("[90/0, -45/45]", [90, -45]),
         ("[22.5_3]", [22.5, 22.5, 22.5]),
         (" [ +-45 , 0/90 ] s ", [45, 0, 0, 45]),
+        ("[0°/90°, −45°/45°]", [0, -45]),
     ],
 )
 def test_a_code_says_the_angle_of_every_ply_from_below(code, angles):

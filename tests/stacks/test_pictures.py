@@ -3,16 +3,19 @@
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from PIL import Image
 
-from lcmchain.fields.dataset import SHEET
+from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.stack import PLY
-from lcmchain.report import draw_result, draw_stack
+from lcmchain.fields.stages import STAGE, STAGE_NAME, stage_variable
+from lcmchain.report import draw_result, draw_stack, run_pictures
 from lcmchain.report.html import view_data
 from lcmchain.report.pictures import _from_back_to_front
+from lcmchain.report.run_pictures import draw_animation, draw_stages
 from lcmchain.report.sections import Plane
 from lcmchain.report.stack_pictures import _base_of, _Line
 from lcmchain.report.start import MOST_PLIES_SHOWN, _shown_plies
-from lcmchain.report.style import CAPTIONS
+from lcmchain.report.style import CAPTIONS, SHOWN, colour_scale, shades_of
 from lcmchain.report.view import FROM_ABOVE, oblique
 
 SCENE = """
@@ -24,6 +27,21 @@ edge_length = "20 mm"
 size = ["120 mm", "120 mm"]
 edge_length = "20 mm"
 fibre_angle = "45 deg"
+"""
+
+
+WITH_FILM = """
+materials.film = { law = "neo-hooke", shear_modulus = "0.4 MPa", thickness = "0.5 mm", \
+density = "1100 kg/m^3" }
+material = { preset = "MD600" }
+[[plies]]
+size = ["120 mm", "120 mm"]
+edge_length = "20 mm"
+[[plies]]
+size = ["160 mm", "160 mm"]
+edge_length = "20 mm"
+material = "film"
+film = true
 """
 
 
@@ -56,6 +74,36 @@ def test_plies_in_courses_are_drawn_with_their_joints(scene_of, laid, tmp_path):
     (picture,) = (file for file in files if "courses" in file.name)
     assert picture.name == "plies_courses.png" and picture.name in CAPTIONS
     assert imread(picture)[..., :3].std() > 0.01
+
+
+def test_stages_and_films_of_a_run_show_the_fabric_not_the_film_over_it(
+    scene_of, laid, tmp_path, monkeypatch
+):
+    """A film has no shear angle: drawn with the others it would lie over them in black."""
+    groups = laid(scene_of(WITH_FILM))
+    stage = stage_variable(("time",), np.zeros(groups[SHEET].sizes["time"]), ["draw"])
+    history = groups[HISTORY].assign({STAGE: stage, STAGE_NAME: (STAGE_NAME, ["draw"])})
+    drawn = []
+    monkeypatch.setattr(run_pictures, "draw_field", lambda path, sheet, *_: drawn.append(sheet))
+    draw_stages(tmp_path, {**groups, HISTORY: history}, None, ())
+    assert drawn[0].sizes["sheet_face"] == 36
+    assert np.isfinite(drawn[0]["shear_angle"].values).all()
+    bare = groups[SHEET].drop_vars("shear_angle")
+    files = draw_stages(tmp_path, {**groups, SHEET: bare, HISTORY: history}, None, ())
+    assert len(drawn) == 1 and [file.stem for file in files] == ["stage_1_draw_sections"]
+    monkeypatch.undo()
+    draw_animation(tmp_path / "film.gif", groups[SHEET], history, "shear_angle")
+    with Image.open(tmp_path / "film.gif") as film:
+        film.seek(1)  # the sheet on the dome
+        pixels = np.asarray(film.convert("RGB")).astype(int)
+    coloured = np.ptp(pixels[:, : int(0.8 * pixels.shape[1])], axis=-1) > 60  # left of the bar
+    assert coloured.mean() > 0.03, "no film hides the fabric"
+
+
+def test_faces_without_a_value_are_white():
+    shown = SHOWN[0]
+    values = np.array([0.0, np.nan, 1.0])
+    assert shades_of(colour_scale(values, shown), values)[1].tolist() == [1.0, 1.0, 1.0, 1.0]
 
 
 def test_what_lies_nearer_to_the_viewer_is_painted_later(groups):

@@ -70,7 +70,10 @@ def test_entries_stand_in_the_file_in_si_with_their_unit(tmp_path):
         {"blank.edge_length": "10 mm", "blank.size": "100 60 mm", "contact.friction": "0.1"},
         {"blank.edge_length": "2 cm", "blank.size": "100 80 mm", "contact.friction": "0.2"},
     )
-    runs = [SweptRun(Variant(str(i), "sweep"), e, results, 1.0, "") for i, e in enumerate(entries)]
+    runs = [
+        SweptRun(Variant(str(i), "sweep"), e, results, 1.0, f)
+        for i, (e, f) in enumerate(zip(entries, ("", "no contact"), strict=True))
+    ]
     write_sweep(tmp_path, "a sweep", runs)
     with xr.open_dataset(tmp_path / "sweep.nc") as data:
         edge = data["entry_blank_edge_length"]
@@ -78,6 +81,9 @@ def test_entries_stand_in_the_file_in_si_with_their_unit(tmp_path):
         assert edge.attrs["units"] == "m"
         assert [str(text) for text in data["entry_blank_size"].values] == ["100 60 mm", "100 80 mm"]
         assert "units" not in data["entry_contact_friction"].attrs
+        assert data["forming_work"].attrs == {"units": "J", "long_name": "forming work"}
+        assert {data[r.name].attrs["units"] for r in RESULTS} == {"m", "rad", "1", "N", "J"}
+        assert [str(text) for text in data["failure"].values] == ["", "no contact"]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tomllib
 import types
 from pathlib import Path
 
@@ -75,6 +76,21 @@ def test_help_lists_the_commands_without_loading_the_solver():
     assert result.returncode == 0, result.stderr
     for command in ("run", "check", "schema", "map", "fmu", "coupon", "bench"):
         assert f" {command} " in result.stdout
+
+
+def test_ctrl_c_while_the_command_is_loaded_shows_no_traceback():
+    scripts = tomllib.loads((EXAMPLES.parent / "pyproject.toml").read_text("utf-8"))["project"]
+    module, _, function = scripts["scripts"]["lcmchain"].partition(":")
+    program = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'typer':\n            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        f"from {module} import {function}\n{function}()\n"
+    )
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (1, "Error: stopped by the user\n")
 
 
 def test_run_does_not_wait_for_what_its_steps_do_not_need():

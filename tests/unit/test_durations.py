@@ -10,7 +10,7 @@ from rich.console import Console
 
 from lcmchain.check.expected_cost import Estimate, Speed
 from lcmchain.check.tables import cost_table
-from lcmchain.quantities.readable import duration_text, millimetres
+from lcmchain.quantities.readable import duration_text, memory_text, millimetres
 from lcmchain.scene import Process
 
 
@@ -57,6 +57,13 @@ def test_check_tells_hours_as_hours() -> None:
     terminal = Console(width=100, file=io.StringIO())
     terminal.print(table)
     assert "about 2 h 05 min once compiled" in terminal.file.getvalue()
+    assert "about 0.5 GB: 0.5 GB for the program, 0.027 MB" in terminal.file.getvalue()
+
+
+def test_memory_is_told_in_the_unit_that_fits() -> None:
+    assert [memory_text(size) for size in (2.7e4, 1.23e7, 9.94e7, 9.96e7, 3.2e10)] == [
+        "0.027 MB", "12 MB", "99 MB", "0.1 GB", "32 GB",
+    ]  # fmt: skip
 
 
 def test_places_have_no_minus_before_zero():

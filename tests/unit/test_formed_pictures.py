@@ -14,6 +14,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.sheet import reference_positions, sheet_faces
+from lcmchain.fields.summary import punch_index
 from lcmchain.mesh.blank import build_blank
 from lcmchain.mesh.mid_surface import triangulate
 from lcmchain.report import draw_result, plots, sections
@@ -399,6 +400,25 @@ def test_forces_are_drawn_over_the_travel_of_their_own_tool(datasets, tmp_path, 
     np.testing.assert_allclose(of_samples[1].lines[0].get_xydata(), [[1e3, 1], [4e3, 4]])
     band = of_samples[1].collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(6.0)
+
+
+def test_forces_of_a_tool_that_turns_are_drawn_over_its_angle(datasets, tmp_path, monkeypatch):
+    """Where none travels the one that turns is quoted; where all stand, time is the only axis."""
+    figures = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+    history = datasets[HISTORY].copy(deep=True)
+    history["tool"] = ("tool", ["bed", "wing"])
+    history["tool_travel"][:] = 0.0
+    plots.draw_force(tmp_path / "f.png", history)
+    turned = np.zeros(history["tool_travel"].shape)
+    turned[:, 1] = np.linspace(0.0, np.pi / 4, len(turned))
+    history["tool_angle"] = history["tool_travel"].dims, turned
+    assert punch_index(history) == 1 and punch_index(history.drop_vars("tool_angle")) == 0
+    plots.draw_force(tmp_path / "f.png", history)
+    standing, turning = (figure.axes for figure in figures)
+    assert [axis.get_xlabel() for axis in standing] == ["time [ms]"]
+    assert [axis.get_xlabel() for axis in turning] == ["angle of the wing [°]", "time [ms]"]
+    assert turning[0].lines[1].get_xdata()[-1] == pytest.approx(45.0)
 
 
 # --- film -----------------------------------------------------------------------------------------

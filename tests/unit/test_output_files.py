@@ -543,6 +543,14 @@ def test_absent_and_foreign_files_are_named(tmp_path):
         read_group(tmp_path / "other.nc", "history")
 
 
+def test_a_sheet_without_its_undeformed_shape_is_no_forming_result(datasets, tmp_path):
+    names = [f"reference_position_{axis}" for axis in "xyz"]
+    filled = {"/": datasets["/"].drop_vars(names)}
+    write_forming_netcdf(tmp_path / "filling.nc", filled)
+    with pytest.raises(InputError, match="name the forming.nc of the run"):
+        read_forming(tmp_path / "filling.nc")
+
+
 def test_same_frames_give_the_same_bits(scene, blank, frames, datasets):
     again = build_datasets(scene, blank, frames)
     for group in datasets:

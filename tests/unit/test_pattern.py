@@ -1,6 +1,7 @@
 """Sections, draw-in, trimming line and flat pattern of sheets that are laid by hand."""
 
 import csv
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from lcmchain.errors import InputError
 from lcmchain.fields import write_forming_netcdf
 from lcmchain.mesh.blank import Blank, build_blank
 from lcmchain.mesh.mid_surface import MidSurfaceMesh
+from lcmchain.pattern import flat
 from lcmchain.pattern.flat import flat_pattern, miss, sampled, trimming_line
 from lcmchain.pattern.formed import FormedSheet
 from lcmchain.pattern.tables import read_line, rim_table, section_table, write_line
+from lcmchain.scene import scene_from_text
 
 RADIUS = 0.1  # of the cylinder that sheets are bent around [m]
 
@@ -150,6 +153,23 @@ def test_lines_are_written_and_read(tmp_path, name):
         read_line(tmp_path / name, None)
 
 
+def test_a_table_of_a_line_says_its_unit_and_needs_no_heading(tmp_path):
+    net, line = tmp_path / "net.csv", np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.0, 0.05]])
+    rows = "0{0}0\n100{0}0\n100{0}50\n0{0}50\n"
+    for heading, mark in (("x [mm],y [mm]", ","), ("x (mm);y (mm)", ";")):
+        net.write_text(f"{heading}\n{rows.format(mark)}")
+        assert read_line(net, None) == pytest.approx(line)
+        assert read_line(net, "cm") == pytest.approx(10.0 * line)
+    net.write_text(rows.format(","))  # all four corners, the first one too
+    assert read_line(net, "mm") == pytest.approx(line)
+    net.write_text(f"x [mn],y [mn]\n{rows.format(',')}")
+    with pytest.raises(InputError, match='heading: unknown unit "mn"'):
+        read_line(net, None)
+    net.write_text("x [mm];y [mm]\n0,5;0,5\n1,5;0,5\n1,5;1,5\n")
+    with pytest.raises(InputError, match="with a decimal point"):
+        read_line(net, None)
+
+
 def exit_code(arguments):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
@@ -181,11 +201,14 @@ def test_the_commands_write_tables(tmp_path, capsys):
     wrong = ["pattern", "section", str(source), "--normal", "up", "--out", str(table)]
     assert exit_code(wrong) == 2
     assert "--normal" in capsys.readouterr().err
+    for frame in ("1", "-2"):
+        late = ["pattern", "draw-in", str(source), "--frame", frame, "--out", str(rim)]
+        assert exit_code(late) == 2
+        assert "--frame: is" in capsys.readouterr().err
 
 
-def test_the_commands_take_a_ply_of_a_stack(tmp_path, capsys):
-    mesh = mesh_of()
-    formed = bent(mesh.node_positions)
+def groups_of_a_stack(mesh, formed):
+    """Groups of a result whose ply "lower" has a group of its own."""
     lower = result_of(mesh, formed, thickness=np.full(mesh.element_count, 1e-3))
     root = lower.copy()
     root["body"] = ("face", np.zeros(mesh.element_count, dtype=np.int32))
@@ -194,8 +217,39 @@ def test_the_commands_take_a_ply_of_a_stack(tmp_path, capsys):
     ply = ply.rename({"node": "lower_node"}).assign(lower=0)
     for k, axis in enumerate("xyz"):
         ply[f"lower_node_{axis}"] = ("lower_node", formed[:, k])
+    return {"/": root, "/lower": ply}
+
+
+def test_a_flat_pattern_is_found_of_a_ply_of_a_stack(tmp_path, monkeypatch):
+    """Every round forms the stack with another outline of the ply, and reads the ply's group."""
+    formed_with = []
+
+    def form(scene, folder, progress):
+        (ply,) = (one for one in scene.plies if one.name == "lower")
+        formed_with.append(ply.outline)
+        mesh = mesh_of() if ply.outline is None else mesh_of(size=None, outline=ply.outline)
+        return SimpleNamespace(datasets=groups_of_a_stack(mesh, bent(mesh.node_positions)))
+
+    monkeypatch.setattr(flat, "run", form)
+    scene = scene_from_text("""
+process = { time = "10 ms" }
+material = { preset = "MD600" }
+plies = [{ name = "lower", size = ["120 mm", "80 mm"], edge_length = "4 mm" },
+         { name = "upper", size = ["120 mm", "80 mm"], edge_length = "4 mm" }]
+""")
+    net = np.array([[-0.04, -0.03], [0.04, -0.03], [0.04, 0.03], [-0.04, 0.03]])
+    rounds = flat_pattern(net, flat.SceneForming(scene, tmp_path, "lower"), most_rounds=1)
+    assert formed_with[0] is None and len(formed_with[1]) == len(rounds[-1].outline)
+    # the sheet is bent about y: the net is as wide as the arc over it is long
+    wide = np.ptp(rounds[-1].outline, axis=0)
+    assert wide == pytest.approx([2.0 * RADIUS * np.arcsin(0.4), 0.06], rel=1e-3)
+
+
+def test_the_commands_take_a_ply_of_a_stack(tmp_path, capsys):
+    mesh = mesh_of()
+    formed = bent(mesh.node_positions)
     source, table = tmp_path / "forming.nc", tmp_path / "table.csv"
-    write_forming_netcdf(source, {"/": root, "/lower": ply})
+    write_forming_netcdf(source, groups_of_a_stack(mesh, formed))
     out = ["--out", str(table)]
     assert exit_code(["pattern", "section", str(source), "--ply", "lower", *out]) == 0
     assert len(table.read_text().splitlines()) == 31

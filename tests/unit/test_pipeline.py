@@ -74,6 +74,14 @@ def summary_in(out):
     return json.loads((out / "summary.json").read_text(encoding="utf-8"))
 
 
+def test_what_is_no_scene_or_no_number_of_threads_is_told(tmp_path):
+    with pytest.raises(InputError, match="needs a scene and got str; read a file by"):
+        run("scene.toml", tmp_path / "results")
+    with pytest.raises(InputError, match="threads: is -1; give 1 or more"):
+        run(scene_from_text(SCENE.partition("[[mapping]]")[0]), tmp_path / "results", threads=-1)
+    assert not (tmp_path / "results").exists()
+
+
 def test_a_failed_mapping_leaves_the_forming_results(failed, folder):
     out, error = failed
     summary = summary_in(out)

@@ -18,10 +18,11 @@ from PIL import Image
 
 from lcmchain.errors import InputError, OutputError, SimulationError
 from lcmchain.fields import sheet_positions
+from lcmchain.fields.table import FIELDS
 from lcmchain.pipeline import run
 from lcmchain.provenance import LIBRARIES, provenance
 from lcmchain.report import write_report
-from lcmchain.report.html import BUDGET, MOST_FRAMES, chosen_frames, view_data
+from lcmchain.report.html import _SHOWN, BUDGET, MOST_FRAMES, chosen_frames, view_data
 from lcmchain.report.numbers import grouped_warnings
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
@@ -307,6 +308,12 @@ def test_a_field_that_nobody_knows_is_shown_in_its_own_unit(result):
     (wear,) = [field for field in view_data(sheet)["fields"] if field["name"] == "wear"]
     assert (wear["title"], wear["unit"], wear["place"]) == ("Wear of the yarns", "", "face")
     assert unpacked(wear["values"][0]) == pytest.approx(sheet["wear"].values[0], rel=1e-6)
+
+
+def test_no_field_with_a_dimension_is_shown_in_its_si_unit():
+    """Nobody reads the thickness of a stack in metres: each has an entry with its own unit."""
+    with_unit = [f.name for f in FIELDS.values() if not f.is_vector and f.units != "1"]
+    assert {"stack_thickness", "pore_pressure"} <= set(with_unit) <= set(_SHOWN)
 
 
 def test_a_field_of_zeros_has_colours(result):

@@ -17,6 +17,7 @@ from lcmchain.quantities.units import (
     AREAL_MASS,
     LENGTH,
     STIFFNESS,
+    TEMPERATURE,
     QuantityError,
     parse_quantity,
     split_row,
@@ -77,6 +78,7 @@ motion = { type = "guided", direction = [0, 0, -1], mass = "1.7 kg" }
         ("5 mm", LENGTH, 0.005),
         ("1.004mm", LENGTH, 0.001004),
         ("1 inch", LENGTH, 0.0254),
+        ("40 mil", LENGTH, 0.001016),
         ("-3.5 µm", LENGTH, -3.5e-6),
         ("2e-3 m", LENGTH, 0.002),
         ("0.1563 MPa", STIFFNESS, 156300.0),
@@ -106,6 +108,7 @@ def test_quantities_become_the_nearest_si_float(text, dimension, value):
         ("nan mm", LENGTH, "not a number with a unit"),
         ("1e999 mm", LENGTH, "too large"),
         ("0.2 mPa", STIFFNESS, 'megapascal is written "0.2 MPa"'),
+        ("284 F", TEMPERATURE, 'write "284 degF"'),
     ],
 )
 def test_what_is_no_quantity_is_explained(text, dimension, complaint):
@@ -285,6 +288,13 @@ def test_compliance_of_an_orthotropic_law_is_symmetric_and_isotropic_in_the_limi
 )
 def test_overrides(override, read):
     assert read(scene_from_text(SCENE, overrides=[override]))
+
+
+def test_a_single_override_may_stand_alone():
+    text = SCENE + "\n"
+    alone = scene_from_text(text, overrides="contact.friction=0.3")
+    assert alone.contact.friction == 0.3
+    assert alone == scene_from_text(text, overrides=["contact.friction=0.3"])
 
 
 @pytest.mark.parametrize(

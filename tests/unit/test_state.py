@@ -89,6 +89,8 @@ def test_the_state_of_another_model_is_refused():
     sim, other = simulation(), simulation(height=15)
     with pytest.raises(InputError, match=r"another model: position is float64 \(3, 40\) instead"):
         sim.restore(other.state)
+    with pytest.raises(InputError, match="another model"):  # where a simulation begins with it
+        Simulation(sim.model, other.state)
     wrong_type = State(**sim.state.as_dict() | {"near": sim.state.near.astype(float)})
     with pytest.raises(InputError, match="near is float64 .* instead of uint8"):
         sim.restore(wrong_type)

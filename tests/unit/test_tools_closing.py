@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -63,6 +64,19 @@ shape = {{ type = "plate", side = "above" }}
 position = "0 0 17 mm"
 motion = {{ type = "stroke", direction = [0, 0, -1], distance = "0.8 mm" }}
 """.format()
+
+
+# oval skins that are smaller than the sheet; the upper one ends 1 mm above the lower one
+SKINS = """
+[[tools]]
+name = "lower"
+shape = {{ type = "surface_mesh", file = "{folder}/lower.stl", length_unit = "mm" }}
+[[tools]]
+name = "upper"
+shape = {{ type = "surface_mesh", file = "{folder}/upper.stl", length_unit = "mm" }}
+position = "0 0 18.5 mm"
+motion = {{ type = "stroke", direction = [0, 0, -1], distance = "20.2 mm" }}
+"""
 
 
 def step_surface(half, height):
@@ -193,3 +207,12 @@ def test_no_gap_is_found_that_is_not_there_where_a_distance_field_knows_only_bou
     assert 1.05e-3 < closing.end.gap <= 1.2001e-3
     model = build_model(read_scene(path, ['blank.height="16 mm"']))
     assert model.environment.depth_time is None
+
+
+def test_no_gap_is_found_beside_the_rims_of_skins_that_the_sheet_reaches_over():
+    """At the corners of the sheet both fields are bounds of a distance, and zero."""
+    folder = Path(__file__).parents[2] / "examples" / "stack_in_moulds"
+    text = SCENE.format(tools=SKINS.format(folder=folder.as_posix()))
+    size = ["blank.size=280 190 mm", "blank.height=0.6 mm", "blank.edge_length=20 mm"]
+    (closing,) = check_scene(scene_from_text(text, overrides=size)).closing
+    assert 0.9e-3 < closing.end.gap <= 1.01e-3

@@ -45,13 +45,13 @@ LONGEST_LIST = 1800
 OVERRIDE = "# --set "
 
 
-def read_scene(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+def read_scene(path: str | Path, overrides: Sequence[str] | str = ()) -> Scene:
     """Read and validate a scene file.
 
     Parameters
     ----------
     path : TOML file; file names in it are relative to its folder.
-    overrides : ``key=value`` texts that replace or add entries, see
+    overrides : ``key=value`` texts, or a single one, that replace or add entries, see
         :func:`lcmchain.scene.reading.overrides.apply_overrides`.
 
     Raises
@@ -88,7 +88,7 @@ def read_text(path: Path) -> str:
 
 
 def scene_from_text(
-    text: str, path: str | Path | None = None, overrides: Sequence[str] = ()
+    text: str, path: str | Path | None = None, overrides: Sequence[str] | str = ()
 ) -> Scene:
     """Validate the text of a scene file.
 
@@ -107,6 +107,7 @@ def scene_from_text(
     directory = Path.cwd() if path is None else path.resolve().parent
     data = parse_toml(text, path)
     require_within_limits(data, path)
+    overrides = (overrides,) if isinstance(overrides, str) and overrides else overrides
     if overrides:
         apply_overrides(data, overrides)
         require_within_limits(data, path)

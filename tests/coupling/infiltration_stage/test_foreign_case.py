@@ -157,6 +157,7 @@ def test_what_is_wrong_in_an_input_file_is_told_by_its_line(folder):
     refused("3e-3 0.7 3e-10 0.5", "3e-3 0.7 3e-1O 0.5", 'line 6: "3e-1O" is not a number')
     refused("strip.bdf", "other.bdf", 'names the mesh "meshes/other.bdf".*--mesh')
     refused("1.35e5 1.0e5", "1.35e5", "line 5 has 1 entries; 2 are needed")
+    refused("16    #n_pics", "1.5    #n_pics", "line 14: 1.5 is no whole number")
 
 
 def test_what_an_input_file_has_and_is_not_done_is_told_by_its_name(folder):
@@ -262,10 +263,18 @@ def test_a_wrong_table_of_lcmsim_is_refused_by_name(tmp_path):
         ("base,base", "base,patch", "has no part of the type base"),
         ("alpha", "beta", "has no column alpha"),
         ("end,outlet,4", "end,outlet,9", 'has no cells of "end", number 9 of parts.csv'),
+        ("end,outlet,4", "end,outlet,4.5", "line 5, part_id: 4.5 is no whole number"),
+        ("end,outlet", "hose,outlet", 'line 5: the part has the name "hose" of another one'),
         ("1.2e-12", "x", 'line 4, permeability: "x" is not a number'),
     ):
         with pytest.raises(InputError, match=said):
             lcmsim(tmp_path, PARTS.replace(old, new))
+    with pytest.raises(InputError, match="line 3 has more cells than the header"):
+        lcmsim(tmp_path, PARTS.replace("hose,inlet,2,3.00e-3", "hose,inlet,2,3,00e-3"))
+    lcmsim(tmp_path, PARTS.replace("0.583,0.5e5,0.0\n", "0.583,0.5e5,0.0,\n"))  # empty cells
+    found = lcmsim(tmp_path, PARTS.replace("hose,", '1st "hose",'))
+    assert 'name of 1st "hose": the part is "part_1st_hose" in the case' in found.told
+    assert infiltration_from_text(case_text(found)).gates[0].name == "part_1st_hose"
 
 
 # --- entries of the case --------------------------------------------------------------------------

@@ -288,6 +288,8 @@ def test_the_command_writes_an_example_and_says_what_is_missing(tmp_path, capsys
     assert {file.name for file in write_example(tmp_path / "other")} == {
         "precice-config.xml", "solid.toml", "fluid.toml",
     }  # fmt: skip
+    assert ends("precice", "--example", tmp_path / "new") == 2
+    assert "exists already; name another folder" in capsys.readouterr().err
     assert ends("precice") == 2
     assert "use --example" in capsys.readouterr().err
     # None in the list of modules makes the import fail, as where it is not installed
