@@ -1,6 +1,7 @@
 """Holes, darts and slits: the mesh covers what is left, and no cell lies across a cut."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from lcmchain.mesh.cells import boundary_edges
 from lcmchain.mesh.contours import contours_of
 from lcmchain.mesh.lines import pieces_along
 from lcmchain.mesh.places import Places, Where
+from lcmchain.model import build_model
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1e-3
@@ -136,6 +138,18 @@ def test_lips_of_a_slit_have_nodes_of_their_own_at_the_same_places():
             for n in (first, second)
         ]
         assert sides[0] == -sides[1] != 0.0
+
+
+def test_a_model_of_elements_whose_fibres_meet_no_edge_warns_of_nothing():
+    """At the apex of a dart an element may have no width along its fibres."""
+    dart = '[["60 mm", "8 mm"], ["35 mm", "0 mm"], ["60 mm", "-8 mm"]]'
+    text = (
+        'process = { time = "1 ms" }\nmaterial = { preset = "MD600" }\n[blank]\n'
+        f'size = ["120 mm", "100 mm"]\nedge_length = "8 mm"\ndarts = [{dart}]\n'
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        build_model(scene_from_text(text))
 
 
 def test_a_drawn_in_dart_keeps_both_its_sides():

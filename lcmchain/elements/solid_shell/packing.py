@@ -109,8 +109,8 @@ def aligned_rows(geometry: ReferenceGeometry) -> np.ndarray:
     k1, k2, h = geometry.K[:, 0, 0], geometry.K[:, 1, 1], 1.0 / geometry.height
     with np.errstate(divide="ignore"):
         xx, yy, zz = 1.0 / k1**2, 1.0 / k2**2, geometry.height**2
+        curvature = (xx / h, yy / h, 1.0 / (k1 * k2 * h))
     modes = 0.125 * np.array([k1, k2, h, k1 * k2, k2 * h, k1 * h, k1 * k2 * h])
-    curvature = (xx / h, yy / h, 1.0 / (k1 * k2 * h))
     moments = (zz, zz * zz, xx / 3.0, yy / 3.0, yy * zz / 9.0, xx * zz / 9.0)
     return np.column_stack([xx, yy, *modes, *(geometry.volume * modes), *curvature, *moments])
 
