@@ -8,6 +8,7 @@ sides (:mod:`lcmchain.mesh.lattice`). What does not fit is cut (:mod:`lcmchain.m
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.errors import InputError
 from lcmchain.mesh.cells import boundary_edges, cell_areas, cell_heights
 from lcmchain.mesh.contours import Contours, Drawn, contours_of
-from lcmchain.mesh.courses import Courses, joined, outlines_of
+from lcmchain.mesh.courses import Courses, outlines_of
 from lcmchain.mesh.cut import ON_OUTLINE, LatticeCells
 from lcmchain.mesh.drawing import Drawing
 from lcmchain.mesh.hexahedron import MODES, bend_part, edge_neighbours
@@ -363,7 +364,7 @@ def build_blank(
     """
     if blank_spec.courses is not None:
         parts = _parts_of(blank_spec, blank_spec.courses)
-        return joined([
+        return _joined([
             _mesh_of_course(name, part, thickness, perturbation, seed)
             for name, part in zip(blank_spec.courses.names, parts, strict=True)
         ])  # fmt: skip
@@ -397,6 +398,25 @@ def _parts_of(blank: Blank, courses: Courses) -> list[Blank]:
     return [
         blank.with_outline(outline).model_copy(update={"courses": None}) for outline in outlines
     ]
+
+
+def _joined(strips: Sequence[BlankMesh]) -> BlankMesh:
+    """Return the meshes of courses as one, without common nodes."""
+    pairs = [mesh.pair_count for mesh in strips]
+    first = np.cumsum([0, *pairs[:-1]])
+    faces = np.concatenate([mesh.faces + n for mesh, n in zip(strips, first, strict=True)])
+    bottoms = [mesh.node_positions[: mesh.pair_count] for mesh in strips]
+    tops = [mesh.node_positions[mesh.pair_count :] for mesh in strips]
+    return replace(
+        strips[0],
+        node_positions=np.concatenate([*bottoms, *tops]),
+        elements=np.hstack([faces, faces + sum(pairs)]),
+        fibre_direction_1=np.concatenate([mesh.fibre_direction_1 for mesh in strips]),
+        fibre_direction_2=np.concatenate([mesh.fibre_direction_2 for mesh in strips]),
+        outline_area=math.fsum(mesh.outline_area for mesh in strips),
+        step_ratio=max(mesh.step_ratio for mesh in strips),
+        course=np.repeat(np.arange(len(strips)), [mesh.element_count for mesh in strips]),
+    )
 
 
 def _mesh_of(blank_spec: Blank, thickness: float, perturbation: float, seed: int) -> BlankMesh:

@@ -8,10 +8,8 @@ meshed as a blank of its own, so that the elements beside a joint are whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 import numpy as np
 import shapely
@@ -19,9 +17,6 @@ from pydantic import Field, model_validator
 
 from lcmchain.errors import InputError
 from lcmchain.quantities.entry_types import Length, LengthOrZero, Row, SceneModel, wrong
-
-if TYPE_CHECKING:
-    from lcmchain.mesh.blank import BlankMesh
 
 #: Most joints of a ply.
 MOST_JOINTS = 199
@@ -126,22 +121,3 @@ def outlines_of(rim: np.ndarray, fibre_angle: float, courses: Courses) -> list[n
         ring = shapely.geometry.polygon.orient(part).exterior
         outlines.append(np.array(ring.coords[:-1]))
     return outlines
-
-
-def joined(strips: Sequence[BlankMesh]) -> BlankMesh:
-    """Return the meshes of courses as one, without common nodes."""
-    pairs = [mesh.pair_count for mesh in strips]
-    first = np.cumsum([0, *pairs[:-1]])
-    faces = np.concatenate([mesh.faces + n for mesh, n in zip(strips, first, strict=True)])
-    bottoms = [mesh.node_positions[: mesh.pair_count] for mesh in strips]
-    tops = [mesh.node_positions[mesh.pair_count :] for mesh in strips]
-    return replace(
-        strips[0],
-        node_positions=np.concatenate([*bottoms, *tops]),
-        elements=np.hstack([faces, faces + sum(pairs)]),
-        fibre_direction_1=np.concatenate([mesh.fibre_direction_1 for mesh in strips]),
-        fibre_direction_2=np.concatenate([mesh.fibre_direction_2 for mesh in strips]),
-        outline_area=math.fsum(mesh.outline_area for mesh in strips),
-        step_ratio=max(mesh.step_ratio for mesh in strips),
-        course=np.repeat(np.arange(len(strips)), [mesh.element_count for mesh in strips]),
-    )
