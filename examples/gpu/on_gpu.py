@@ -166,7 +166,7 @@ def main() -> None:
             rows.append(row)
             print(json.dumps(row), flush=True)
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1))
+        arguments.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":
