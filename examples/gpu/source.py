@@ -14,7 +14,7 @@ import numpy as np
 from record import Number, Recorder, Rows, as_python, choose, spelled
 
 from lcmchain import packs
-from lcmchain.effects.fibre_bending import AREA_ROW, bend
+from lcmchain.effects.fibre_bending import bend
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.kernel import SolidShellData, element_in_lane
 from lcmchain.materials.features.elementary import exponential, logarithm
@@ -181,7 +181,3 @@ def equations(body: SolidShellData) -> str:
             function(bending, bending_lines()),
         ]
     )
-
-
-#: Rows of constants of the fibres' bending that :func:`bending_lines` reads.
-assert AREA_ROW == 8
