@@ -266,11 +266,8 @@ class _Job:
             for ply, blank in zip(self.scene.stack, blanks, strict=True)
             for text in ply.remarks(blank)
         ]
-        closing = closing_tools(self.scene, blanks, model)
-        self.warnings = [
-            *scene_warnings(self.scene), *of_meshes, *tool_warnings,
-            *tools_that_close(self.scene, model, closing),
-        ]  # fmt: skip
+        self.blanks = blanks
+        self.warnings = [*scene_warnings(self.scene), *of_meshes, *tool_warnings]
         if self.scene.output.animation != NO_FILM:
             from lcmchain.report.run_pictures import require_film
 
@@ -465,6 +462,9 @@ class _Job:
     def _write_fields(self, forming: FormingRun, compile_s: float, state: str) -> None:
         snapshots = forming.snapshots
         datasets = _write_fields(self.scene, self.simulation, snapshots, self.folder, state)
+        # told at the end like all warnings, and so looked for there: no run begins later for it
+        model = self.simulation.model
+        closing = closing_tools(self.scene, self.blanks, model)
         self.summary |= run_summary(
             self.scene,
             self.simulation,
@@ -473,7 +473,11 @@ class _Job:
             wall_s=forming.wall_s,
             compile_s=compile_s,
             threads=self.threads,
-            warnings=[*self.warnings, *self.simulation.warnings()],
+            warnings=[
+                *self.warnings,
+                *tools_that_close(self.scene, model, closing),
+                *self.simulation.warnings(),
+            ],
         )
         self.summary["time_reached_s"] = self.simulation.time
         self.result = Result(datasets, self.summary, self.folder)

@@ -25,7 +25,7 @@ from lcmchain.solver.simulation import Simulation
 HERE = Path(__file__).parent
 STEPS = 100  # after which positions are compared
 SPEED = 5.0  # of the middle of the sheet at the start [m/s]
-MOST_COMPARED = 70_000  # elements of a plate whose result is written
+MOST_COMPARED = 70_000  # elements of a sheet whose result is written
 
 
 def main() -> None:
@@ -66,7 +66,7 @@ def write(folder: Path, simulation: Simulation) -> None:
     body = model.only_body().data
     dt = simulation.prepare_steps()
     simulation.make_steps(STEPS, dt)  # from here on the step is as long as the last one
-    has_tools = bool(model.interactions)
+    has_tools, is_compared = bool(model.interactions), model.element_count <= MOST_COMPARED
     text = equations(body) + (contact(model.tools) if has_tools else "")
     (folder / "equations.h").write_text(text, encoding="ascii")
     arrays = {
@@ -86,12 +86,10 @@ def write(folder: Path, simulation: Simulation) -> None:
     }
     if has_tools:
         arrays |= contact_arrays(simulation, dt)
-    elif model.element_count <= MOST_COMPARED:
+    elif is_compared:
         simulation.make_steps(STEPS, dt)
-    else:
-        np.savez_compressed(folder / "arrays.npz", **arrays)
-        return
-    arrays |= {"steps": STEPS, "position_then": simulation.state.position}
+    if is_compared:
+        arrays |= {"steps": STEPS, "position_then": simulation.state.position}
     np.savez_compressed(folder / "arrays.npz", **arrays)
 
 
