@@ -3,6 +3,7 @@
     path ─▶ formats (by content) ─▶ read ─▶ readers/… ─▶ FileMesh ─▶ tool, target, gate, set
 
 - ``file_mesh.py``: what a reader takes from a file, before any of it is scaled or checked.
+- ``compressed.py``: files that are packed by gzip, bzip2 or xz.
 - ``shapes.py``: types of cells, their corners, edges and faces.
 - ``length_unit.py``: whether a mesh is as much too large or small as with a wrong unit of length.
 """

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lcmchain.errors import InputError
+from lcmchain.mesh_files.compressed import is_compressed, unpacked
 
 
 class Format(NamedTuple):
@@ -74,7 +75,7 @@ _CLASSIC_NETCDF = re.compile(rb"CDF[\x01\x02\x05]")
 
 #: How a file begins, blanks and the mark of UTF-8 left out.
 _BEGINNINGS = (
-    ("gmsh", re.compile(rb"\$(?:MeshFormat|Comments|PhysicalNames|NOD)\b")),
+    ("gmsh", re.compile(rb"\$(?:MeshFormat|Comments|PhysicalNames)\b")),
     ("ply", re.compile(rb"ply\r?\n")),
     ("vtk", re.compile(rb"# vtk DataFile", re.IGNORECASE)),
     ("medit", re.compile(rb"MeshVersionFormatted\b")),
@@ -100,14 +101,13 @@ _FOREIGN = (
      "export the mesh as Nastran or LS-DYNA"),
     ("Ansys deck", re.compile(rb"(?:![^\n]*\n|/COM[^\n]*\n|\s*\n)*/(?:PREP7|BATCH|TITLE)\b",
                               re.IGNORECASE), "export the mesh as Nastran, Abaqus or Universal"),
+    ("Gmsh mesh of version 1", re.compile(rb"\$NOD\b"),
+     "save it as version 4.1; of NETGEN, export the Gmsh2 format"),
+    ("VRML model", re.compile(rb"#VRML"), "export its facets as STL"),
     ("CGNS file in the old ADF form", re.compile(rb"[^\n]{0,8}ADF Database"),
      "convert it with adf2hdf"),
     ("zip archive", re.compile(rb"PK\x03\x04"), "unpack it; of 3MF, export STL"),
-    ("compressed file", re.compile(rb"\x1f\x8b|BZh|\xfd7zXZ"), "unpack it"),
 )  # fmt: skip
-
-# Meshes that meshio unpacks itself.
-_PACKED = (".vol.gz", ".dato.gz", ".post.gz")
 
 # Keywords that decks of LS-DYNA alone have. Their comments begin with $, and a file that another
 # includes has no *KEYWORD.
@@ -142,6 +142,9 @@ def format_of(path: Path) -> str:
     ------
     InputError : the file is of a known kind that is no mesh.
     """
+    if is_compressed(path):
+        with unpacked(path) as inner:
+            return format_of(inner)
     ending = path.suffix.lower()
     with path.open("rb") as file:
         head = file.read(_HEAD)
@@ -154,7 +157,7 @@ def format_of(path: Path) -> str:
     if _is_binary_stl(path, head) or _STL.match(text):
         return "stl"
     for title, pattern, remedy in _FOREIGN:
-        if pattern.match(text) and not path.name.lower().endswith(_PACKED):
+        if pattern.match(text):
             raise InputError(f"this is a {title}, which is not read: {remedy}", file=path)
     if b"\0" not in head:
         content = path.read_bytes().removeprefix(b"\xef\xbb\xbf")

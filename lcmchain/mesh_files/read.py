@@ -9,6 +9,7 @@ from pathlib import Path
 from meshio import extension_to_filetypes
 
 from lcmchain.errors import InputError
+from lcmchain.mesh_files.compressed import is_compressed, unpacked
 from lcmchain.mesh_files.file_mesh import FileMesh
 from lcmchain.mesh_files.formats import ending_that_disagrees, format_of, known_formats
 from lcmchain.mesh_files.readers.by_meshio import read_by_meshio, read_vtu
@@ -49,7 +50,8 @@ def read_mesh_file(path: Path) -> FileMesh:
     Parameters
     ----------
     path : a deck of Abaqus, CalculiX, Nastran or LS-DYNA, a Universal file, a file of Gmsh, MED,
-        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads.
+        NETGEN, CGNS or Exodus, or any other mesh file that meshio reads; also compressed by gzip,
+        bzip2 or xz.
 
     Raises
     ------
@@ -57,6 +59,9 @@ def read_mesh_file(path: Path) -> FileMesh:
         it has lines.
     """
     _require_file(path)
+    if is_compressed(path):
+        with unpacked(path) as file:
+            return read_mesh_file(file)
     name = format_of(path)
     if not name and path.suffix.lower() not in ENDINGS_OF_MESHIO:
         raise InputError(

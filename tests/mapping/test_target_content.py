@@ -114,7 +114,8 @@ def test_a_file_that_is_no_mesh_is_refused_with_the_list(tmp_path):
     ("content", "words"),
     [(b"ISO-10303-21;\nHEADER;\n", "this is a STEP model, which is not read: .* mesh it"),
      (b"part".ljust(72) + b"S      1\n", "IGES model"), (b"PK\x03\x04abc", "zip archive"),
-     (b"#RADIOSS STARTER\n/BEGIN\n", "Radioss starter deck"), (b"\x1f\x8b\x08", "compressed"),
+     (b"#RADIOSS STARTER\n/BEGIN\n", "Radioss starter deck"),
+     (b"$NOD\n4\n", "Gmsh mesh of version 1"), (b"#VRML V2.0 utf8\n", "VRML model"),
      (b"/COM,ANSYS\n/PREP7\nNBLOCK\n", "Ansys deck")],
 )  # fmt: skip
 @pytest.mark.parametrize("name", ["a.dat", "a.inp", "a"])
