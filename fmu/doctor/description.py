@@ -11,6 +11,7 @@ from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.coupling.cosimulation.description import TERMINALS_FILE, left_out, version_problem
 from lcmchain.errors import InputError
 from lcmchain.fmu.doctor.findings import Finding, Level
+from lcmchain.fmu.doctor.profiles import NEEDED, features_of, profiles_for
 from lcmchain.fmu.doctor.rules import Broken, broken_rules
 
 KINDS = {
@@ -33,6 +34,7 @@ class Description:
     abilities : attributes of that interface type, as they are written.
     left_out : what lcmchain cosim does not take of it, in sentences.
     broken : rules of the standard that it breaks; those of drafts and of FMI 1.0 are not known.
+    features : that profiles of importers name, see :mod:`lcmchain.fmu.doctor.profiles`.
     """
 
     fmi_version: str
@@ -44,6 +46,7 @@ class Description:
     variable_count: int
     left_out: tuple[str, ...]
     broken: tuple[Broken, ...] = ()
+    features: tuple[str, ...] = ()
 
     def can(self, *names: str) -> bool:
         """Return whether one of these abilities is declared."""
@@ -86,6 +89,7 @@ def read_description(folder: Path, unit: Path) -> Description:
         variable_count=0 if variables is None else len(variables),
         left_out=tuple(left_out(root)),
         broken=() if version_problem(version) else _broken(root, folder, unit),
+        features=() if version.startswith("1") else features_of(root, folder),
     )
 
 
@@ -150,6 +154,8 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
             "a process can hold only one instance of it: lcmchain cosim gives each a process of "
             "its own",
         )  # fmt: skip
+    if description.features:
+        yield _finding_of_profiles(description.features)
     for text in description.left_out:
         yield Finding(Level.WARNING, "variables", text)
     if description.can("needsExecutionTool") and not is_python:
@@ -158,6 +164,20 @@ def findings_of(description: Description, *, is_python: bool) -> Iterator[Findin
             "it needs the tool that exported it on this machine (needsExecutionTool)",
             f"install {description.generation_tool or 'that tool'} and its licence",
         )  # fmt: skip
+
+
+def _finding_of_profiles(features: tuple[str, ...]) -> Finding:
+    """Return what a unit asks of importers, and which profiles of these have it."""
+    needed = ", ".join(feature for feature in features if feature in NEEDED)
+    offered = ", ".join(feature for feature in features if feature not in NEEDED)
+    profiles = ", ".join(profiles_for(features))
+    if not needed:
+        text = "it needs nothing that not every importer has"
+    elif profiles:
+        text = f"it needs {needed}, which importers of FMI's profiles {profiles} have"
+    else:
+        text = f"it needs {needed}: none of FMI's profiles has it all"
+    return Finding(Level.OK, "profiles", text + (f"; it offers {offered}" if offered else ""))
 
 
 def _finding_of(broken: Broken) -> Finding:

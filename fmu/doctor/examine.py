@@ -19,6 +19,7 @@ from lcmchain.fmu.doctor.binary import examine_binary, needs_python
 from lcmchain.fmu.doctor.description import Description, findings_of, read_description
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
 from lcmchain.fmu.doctor.host import examine_host, find_host, python_of
+from lcmchain.fmu.doctor.profiles import profiles_for
 from lcmchain.fmu.doctor.python import examine_library, examine_python, python_content
 from lcmchain.fmu.instances import UNIT_FILE, define
 
@@ -55,6 +56,8 @@ def examine(
             "kinds": list(description.kinds),
             "model_name": description.model_name,
             "generation_tool": description.generation_tool,
+            "features": list(description.features),
+            "profiles": list(profiles_for(description.features)),
         }
         content = python_content(folder / "resources")
         diagnosis.extend(findings_of(description, is_python=content is not None))
