@@ -32,7 +32,9 @@ from lcmchain.fmu.description import (
 from lcmchain.fmu.icons import icon_files
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
-from lcmchain.fmu.part import UnitDefinition
+from lcmchain.fmu.mesh_fields import layered_files
+from lcmchain.fmu.part import INTERFACE_FILE, UnitDefinition
+from lcmchain.mapping.interface import read_interface
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.process import require_time_for_fluid
 from lcmchain.tools.table import build_tool_table
@@ -89,14 +91,14 @@ def build_fmu(
     scene = read_scene(scene_path, overrides)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
         resources = Path(name)
-        entries = PARTS[part](scene, fmi, resources, **options)
+        entries, faces = PARTS[part](scene, fmi, resources, **options)
         unit = {
             "part": part,
             "scene": "scene/scene.toml",
             "overrides": [*overrides, *stage_scene(scene, resources / "scene")],
             **entries,
         }
-        write_unit(out_path, fmi, unit, resources, needs_tool=needs_tool)
+        write_unit(out_path, fmi, unit, resources, needs_tool=needs_tool, faces=faces)
     return out_path
 
 
@@ -114,7 +116,13 @@ def require_target(out_path: Path, fmi: int) -> None:
 
 
 def write_unit(
-    out_path: Path, fmi: int, unit: dict[str, Any], resources: Path, *, needs_tool: bool = True
+    out_path: Path,
+    fmi: int,
+    unit: dict[str, Any],
+    resources: Path,
+    *,
+    needs_tool: bool = True,
+    faces: Mapping[str, np.ndarray] | None = None,
 ) -> None:
     """Write a unit, whole or not at all.
 
@@ -123,6 +131,7 @@ def write_unit(
     unit : what the part needs to define it (:func:`.instances.define`).
     resources : folder with the files that it names; those of every unit are added.
     needs_tool : whether the unit says that it needs an installed tool.
+    faces : fields on a part of the interface alone, see :func:`.mesh_fields.layered_files`.
 
     Raises
     ------
@@ -144,6 +153,8 @@ def write_unit(
     contents |= icon_files(definition.model_name, unit["part"], fmi, ports)
     if fmi == 3:
         contents[TERMINALS_FILE] = as_bytes(document(ports))
+    interface = read_interface(resources / INTERFACE_FILE)
+    contents |= layered_files(definition.variables, interface, faces)
     for path in sorted(resources.rglob("*")):
         if path.is_file():
             contents[f"resources/{path.relative_to(resources).as_posix()}"] = path.read_bytes()
@@ -196,9 +207,12 @@ def _forming_entries(
     fields: Sequence[str] | None = None,
     pore_pressure: bool = False,
     interface: int = 0,
-) -> dict[str, Any]:
-    """Check a scene for forming, write its interface, and return what its unit holds about it."""
-    from lcmchain.fmu.forming.interface import interface_of
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Check a scene for forming and write its interface.
+
+    Return what its unit holds about it, and the faces of fields that lie on a part of them.
+    """
+    from lcmchain.fmu.forming.interface import faces_of_plies, interface_of
     from lcmchain.fmu.forming.variables import (
         FIELDS_OF_FMI2,
         FLUID_FIELDS_OF_FMI2,
@@ -206,7 +220,6 @@ def _forming_entries(
         field_names,
         meshes_of,
     )
-    from lcmchain.fmu.part import INTERFACE_FILE
 
     blanks = [ply.build_blank() for ply in scene.stack]
     tools = build_tool_table(
@@ -228,11 +241,13 @@ def _forming_entries(
         fields = [name for name in FIELDS_OF_FMI2 if name in known]
         fields += FLUID_FIELDS_OF_FMI2 if pore_pressure else ()
     title = f"interface of {scene.title}"
-    interface_of(meshes_of(scene), interface).write(resources / INTERFACE_FILE, {"title": title})
-    return {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
+    meshes = meshes_of(scene)
+    interface_of(meshes, interface).write(resources / INTERFACE_FILE, {"title": title})
+    entries = {"fields": None if fields is None else list(fields), "pore_pressure": pore_pressure}
+    return entries, faces_of_plies([ply.name for ply in scene.stack], meshes)
 
 
-#: What checks a scene for a part and returns what the file of its unit holds about it.
+#: What checks a scene for a part: see :func:`_forming_entries`.
 PARTS = {"forming": _forming_entries}
 
 

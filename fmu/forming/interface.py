@@ -6,8 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from lcmchain.coupling.solids.stack import largest_ply
 from lcmchain.errors import InputError
-from lcmchain.fmu.variables import Outputs
+from lcmchain.fmu.forming.variables import FLUID_OUTPUTS, PORE_PRESSURE
+from lcmchain.fmu.variables import Outputs, quoted
 from lcmchain.mapping.interface import Interface
 from lcmchain.mesh.sheet_mesh import NO_NODE, SheetMesh
 
@@ -39,6 +41,25 @@ def interface_of(meshes: Sequence[SheetMesh], count: int) -> Interface:
         first += len(points)
     ply = np.repeat(np.arange(len(meshes)), [mesh.element_count for mesh in meshes])
     return Interface.of_mesh(np.concatenate(sheets), np.concatenate(faces), part=ply)
+
+
+def faces_of_plies(names: Sequence[str], meshes: Sequence[SheetMesh]) -> dict[str, np.ndarray]:
+    """Return the entry of every face of a stack, -1 without, of fields on a part of the faces.
+
+    Fields of a ply are named by how their variables begin, those of a fluid by their names: it has
+    one pressure in each column through the stack, on the faces of the largest ply. Of one sheet
+    all fields lie on all faces.
+    """
+    if len(meshes) == 1:
+        return {}
+    counts = [mesh.element_count for mesh in meshes]
+    ply, entry = (
+        np.repeat(np.arange(len(meshes)), counts),
+        np.concatenate([np.arange(count) for count in counts]),
+    )
+    faces = {f"{quoted(name)}.": np.where(ply == k, entry, -1) for k, name in enumerate(names)}
+    columns = np.where(ply == largest_ply(meshes), entry, -1)
+    return faces | dict.fromkeys((PORE_PRESSURE, *(f[0] for f in FLUID_OUTPUTS)), columns)
 
 
 def at_interface(interface: Interface, outputs: Outputs, step: float) -> Outputs:

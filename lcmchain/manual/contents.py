@@ -33,6 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "infiltration",
         "formats",
         "fmu",
+        "fields-of-units",
         "precice",
         "cosim",
         "verify",

@@ -7,25 +7,21 @@ import gzip
 import lzma
 import shutil
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO
+from typing import IO, cast
 
 from lcmchain.errors import InputError
 
-_OPENERS: dict[bytes, Callable[[Path], IO[bytes]]] = {
-    b"\x1f\x8b": gzip.open,
-    b"BZh": bz2.open,
-    b"\xfd7zXZ\x00": lzma.open,
-}
+_MAGIC = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz"}
 _ENDINGS = (".gz", ".bz2", ".xz")
 
 
 def is_compressed(path: Path) -> bool:
     """Tell from its first bytes whether a file is compressed by gzip, bzip2 or xz."""
-    return _opener(path) is not None
+    return _compression(path) is not None
 
 
 @contextmanager
@@ -39,10 +35,8 @@ def unpacked(path: Path) -> Iterator[Path]:
     with TemporaryDirectory() as folder:
         name = path.stem if path.suffix.lower() in _ENDINGS else path.name
         inner = Path(folder) / name
-        opener = _opener(path)
-        assert opener is not None
         try:
-            with opener(path) as source, inner.open("wb") as target:
+            with _opened(path) as source, inner.open("wb") as target:
                 shutil.copyfileobj(source, target)
         except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
             raise InputError(
@@ -54,8 +48,17 @@ def unpacked(path: Path) -> Iterator[Path]:
             raise InputError(error.message.replace(str(inner), str(path)), file=path) from error
 
 
-def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
+def _opened(path: Path) -> IO[bytes]:
+    """Open a compressed file to read what it holds."""
+    kind = _compression(path)
+    if kind == "bzip2":
+        return bz2.open(path)
+    if kind == "xz":
+        return lzma.open(path)
+    return cast(IO[bytes], gzip.open(path))
+
+
+def _compression(path: Path) -> str | None:
     with path.open("rb") as file:
-        head = file.read(max(map(len, _OPENERS)))
-    found = (opener for magic, opener in _OPENERS.items() if head.startswith(magic))
-    return next(found, None)
+        head = file.read(max(map(len, _MAGIC)))
+    return next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)

@@ -13,6 +13,7 @@ from lcmchain.errors import InputError
 from lcmchain.fields.summary import stack_summary
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming.variables import variables_of
+from lcmchain.fmu.mesh_fields import read_mesh_fields
 from lcmchain.mapping.interface import read_interface
 from lcmchain.scene import read_scene
 from lcmchain.solver.simulation import Simulation
@@ -274,6 +275,24 @@ def test_the_interface_tells_the_plies_apart(units, tmp_path):
     np.testing.assert_array_equal(interface.part, np.repeat([0, 1], COUNTS[:2]))
     upper = interface.cells[64:]
     assert upper[upper >= 0].min() == interface.cells[:64].max() + 1
+
+
+def test_fields_lie_on_the_faces_of_their_ply(units, simulated):
+    """At the start the centres that the unit tells are those of the faces of its mesh."""
+    recorded, _ = simulated
+    placed = read_mesh_fields(units[3])
+    faces = placed.meshes["interface_face_nodes"].values.astype(int)
+    faces[:, 3] = np.where(faces[:, 3] >= 0, faces[:, 3], faces[:, 2])  # triangles of the cut ply
+    for axis in "xyz":
+        nodes = placed.meshes[f"interface_node_{axis}"].values
+        centres = nodes[faces].mean(axis=1)
+        names = [f"{ply}.position_{axis}" for ply in PLIES]
+        first = [placed.on_faces(name, recorded[name][0]) for name in names]
+        on_ply = ~np.isnan(first)
+        np.testing.assert_array_equal(on_ply.sum(axis=1), COUNTS[:2])
+        assert (on_ply[0] != on_ply[1]).all()
+        np.testing.assert_allclose(np.where(on_ply[0], *first), centres, atol=1e-12)
+    assert placed.fields["stack_thickness"].entries == "interface_patch"
 
 
 REFUSED = {

@@ -16,6 +16,7 @@ from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.forming.variables import variables_of
 from lcmchain.fmu.infiltration.build import InfiltrationUnit, build_infiltration_fmu
+from lcmchain.fmu.mesh_fields import read_mesh_fields
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.solver.simulation import Simulation
 
@@ -79,6 +80,14 @@ def test_a_fluid_exchanges_the_columns_of_a_stack(scene_file):
     for name in ("pore_pressure", "volume", "pore_resistance", "fluid_thickness"):
         assert sizes[name] == COLUMNS
     assert sizes["short.thickness"] == 8 * 2 and sizes["stack_thickness"] == COLUMNS + 16
+
+
+def test_columns_lie_on_the_faces_of_the_largest_ply(sheet_unit):
+    placed = read_mesh_fields(sheet_unit)
+    pressure = placed.on_faces("pore_pressure", np.arange(COLUMNS))
+    own = placed.on_faces("long.thickness", np.arange(COLUMNS))
+    np.testing.assert_array_equal(pressure, own)
+    assert np.isfinite(own).sum() == COLUMNS < len(own)
 
 
 def test_units_give_the_result_of_the_process(scene_file, sheet_unit):
