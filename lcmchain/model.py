@@ -43,6 +43,7 @@ from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import by_node
+from lcmchain.mesh.mid_surface import TriangleMesh
 from lcmchain.scene import Contact, Element, Process, Scene
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.scene.process import require_time_for_fluid, require_time_for_rates
@@ -61,11 +62,15 @@ AUTOMATIC_PENALTY = 0.1
 DEEPEST_EXPECTED = 0.03
 
 
+#: What the families of elements make of a blank.
+SheetMesh = BlankMesh | TriangleMesh
+
+
 class Sheet(NamedTuple):
     """What a body is built from: a mesh, its material, and the choices of the scene's element."""
 
     name: str
-    mesh: Any
+    mesh: SheetMesh
     material: Material
     element: SheetElement
 
@@ -430,7 +435,9 @@ def _supports_of(
     return found
 
 
-def assemble_model(mesh: Any, material: Material, element: SheetElement, **others: Any) -> Model:
+def assemble_model(
+    mesh: SheetMesh, material: Material, element: SheetElement, **others: Any
+) -> Model:
     """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
     return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
 

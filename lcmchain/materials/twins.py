@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
-from lcmchain.dispatch import implements, inherit
+from lcmchain.dispatch import Dispatched, implements, inherit
 
 #: The module that offers the twins that are made on demand: it knows all laws of the package.
 HOME = "lcmchain.materials.laws"
@@ -51,7 +51,7 @@ def twin_of(
     *,
     about: str,
     entries: Iterable[tuple[str, type]] = (),
-    answers: Mapping[Callable[..., Any], Callable[..., Any]],
+    answers: Mapping[Dispatched, Callable[..., Any]],
 ) -> Any:
     """Return the twin of a class of laws; it answers all that the class answers so far.
 

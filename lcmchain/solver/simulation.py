@@ -20,6 +20,7 @@ from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
+from lcmchain.scene.scene import Scene
 from lcmchain.solver import guards, histories, rest, stages
 from lcmchain.solver.interactions.contact_forces import find_near_nodes
 from lcmchain.solver.loop import Arrays, LoopArguments, advance, in_order
@@ -170,7 +171,7 @@ class Simulation:
         self._bind()
 
     @classmethod
-    def from_scene(cls, scene: Any) -> Simulation:
+    def from_scene(cls, scene: Scene) -> Simulation:
         """Build the simulation of a scene."""
         return cls(build_model(scene, pore_pressure=scene.wet_forming is not None))
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import Self, cast
 
 import numpy as np
 
@@ -40,6 +40,8 @@ from lcmchain.elements.solid_shell.packing import (
     quick_kind_of,
 )
 from lcmchain.elements.solid_shell.pressure import normal_pressure
+from lcmchain.elements.solid_shell.reference import ElementOptions
+from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
@@ -99,7 +101,7 @@ class SolidShellBody:
         name: str,
         mesh: BlankMesh,
         material: Material,
-        choices: Any,
+        choices: Element | ElementOptions,
         first_node: int,
         first_element: int,
     ) -> Self:
@@ -511,7 +513,7 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     return min(1.0, float(width**2 / area))
 
 
-def bends_at_reference(material: Material, choices: Any) -> bool:
+def bends_at_reference(material: Material, choices: Element | ElementOptions) -> bool:
     """Tell whether strains of the bending are those of the initial thickness.
 
     Measured moments are always those of the sheet with the thickness that it had.
@@ -520,7 +522,7 @@ def bends_at_reference(material: Material, choices: Any) -> bool:
 
 
 def kernel_options(
-    material: Material, choices: Any, *, kind: Kind, fibre_share: float = 1.0
+    material: Material, choices: Element | ElementOptions, *, kind: Kind, fibre_share: float = 1.0
 ) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
     # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it

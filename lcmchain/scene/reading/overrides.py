@@ -48,7 +48,7 @@ def parse_value(text: str) -> Any:
     return document["value"] if list(document) == ["value"] else text
 
 
-def _assign(data: dict[str, Any], key: str, value: Any) -> None:
+def _assign(data: dict[str, Any], key: str, value: object) -> None:
     node: Any = data
     steps: list[Any] = _steps(key)
     for position, step in enumerate(steps):

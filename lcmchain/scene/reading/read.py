@@ -273,7 +273,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _as_toml(content: Any) -> str:
+def _as_toml(content: object) -> str:
     """Write lists, tables, texts and numbers as a TOML value on one line."""
     if isinstance(content, dict):
         return "{" + ", ".join(f"{key} = {_as_toml(own)}" for key, own in content.items()) + "}"
@@ -320,7 +320,7 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
     return None
 
 
-def _complaint(value: Any) -> str | None:
+def _complaint(value: object) -> str | None:
     if isinstance(value, str):
         if len(value) > LONGEST_TEXT:
             return f"is a text of {len(value):,} characters; at most {LONGEST_TEXT:,} are read"
@@ -450,7 +450,7 @@ def _found_text(scene: Scene, key: str) -> str:
 _ABSENT = object()
 
 
-def _value_text(value: Any) -> str:
+def _value_text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
@@ -462,6 +462,6 @@ def _value_text(value: Any) -> str:
     return str(value)
 
 
-def _inner_text(value: Any) -> str:
+def _inner_text(value: object) -> str:
     # Quoted inside a list, so that the text can be given to --set again.
     return f'"{value}"' if isinstance(value, str) else _value_text(value)
