@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from lcmchain.dispatch import Dispatched, implements, inherit
 
@@ -33,6 +33,9 @@ TOLD = (
     "bending_elements",
     "bending_resists_rates",
 )
+
+#: A law, or its twin, which has all that the law has.
+LawOrTwin = TypeVar("LawOrTwin", bound=tuple[Any, ...])
 
 Maker = Callable[[re.Match[str], type], type]
 
