@@ -111,32 +111,7 @@ class SolidShellBody:
         ------
         InputError : elements without volume, or an option that the material does not know.
         """
-        if choices.fibre_hourglass not in (None, 1.0) and not takes_fibre_share(material):
-            raise InputError(
-                f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
-                "leave it out",
-                key="element.fibre_hourglass",
-            )
-        if choices.hourglass == "published" and couples_shear(material):
-            raise InputError(
-                'is "published", which is derived for a thickness that does not know the shear; '
-                'use "conservative", or leave out shear_coupling and table of material.compaction',
-                key="element.hourglass",
-            )
-        if choices.hourglass == "published" and knows_step(material.law):
-            raise InputError(
-                'is "published", which takes the tangent of a law that knows no rate; use '
-                '"conservative", or leave out what resists the rate (material.viscous, '
-                "material.bending.viscous_1 and viscous_2)",
-                key="element.hourglass",
-            )
-        own_terms = hasattr(material, "stabilising_terms")
-        changes = not (material.is_diagonal or material.constant_tangent)
-        if choices.hourglass == "published" and (own_terms or changes):
-            raise InputError(
-                'is "published", which is derived for a diagonal stiffness; use "conservative"',
-                key="element.hourglass",
-            )
+        _require_known(material, choices)
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
         kind = kind_of(geometry)
         padded = LANES * -(-len(mesh.elements) // LANES)
@@ -511,6 +486,36 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     area = np.mean(geometry.volume / (2.0 * geometry.height))
     width = STRIP_WIDTH * material.thickness
     return min(1.0, float(width**2 / area))
+
+
+def _require_known(material: Material, choices: Element | ElementOptions) -> None:
+    """Refuse options of the element that a material does not know."""
+    if choices.fibre_hourglass not in (None, 1.0) and not takes_fibre_share(material):
+        raise InputError(
+            f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
+            "leave it out",
+            key="element.fibre_hourglass",
+        )
+    if choices.hourglass == "published" and couples_shear(material):
+        raise InputError(
+            'is "published", which is derived for a thickness that does not know the shear; '
+            'use "conservative", or leave out shear_coupling and table of material.compaction',
+            key="element.hourglass",
+        )
+    if choices.hourglass == "published" and knows_step(material.law):
+        raise InputError(
+            'is "published", which takes the tangent of a law that knows no rate; use '
+            '"conservative", or leave out what resists the rate (material.viscous, '
+            "material.bending.viscous_1 and viscous_2)",
+            key="element.hourglass",
+        )
+    own_terms = hasattr(material, "stabilising_terms")
+    changes = not (material.is_diagonal or material.constant_tangent)
+    if choices.hourglass == "published" and (own_terms or changes):
+        raise InputError(
+            'is "published", which is derived for a diagonal stiffness; use "conservative"',
+            key="element.hourglass",
+        )
 
 
 def bends_at_reference(material: Material, choices: Element | ElementOptions) -> bool:
