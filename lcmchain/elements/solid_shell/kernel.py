@@ -132,8 +132,8 @@ class SolidShellData(NamedTuple):
     corner_run: np.ndarray
     element_data: SharedBlocks
     quick_data: Any
-    quick_options: Any
-    general: Any
+    quick_options: Options | None
+    general: Literal[True] | None
     transformation: np.ndarray
     transformation_change: np.ndarray
     density: float

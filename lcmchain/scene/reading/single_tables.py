@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from lcmchain.errors import InputError
+from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import FROM_FILE, SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
@@ -123,7 +124,7 @@ _REST: dict[str, dict[str, Any]] = {
 }
 
 
-def formed_material(text: str) -> Any:
+def formed_material(text: str) -> MaterialTable:
     """Return the material table of a scene that a result holds, with its overrides.
 
     The other tables are not looked at: the meshes and tools that they name may be elsewhere by now.
@@ -139,7 +140,9 @@ def formed_material(text: str) -> Any:
             "([blank] and [material])",
             key="plies" if "plies" in data else "layup",
         )
-    return _scene_of(text, "material", "element").material
+    material = _scene_of(text, "material", "element").material
+    assert material is not None  # plies alone do without
+    return material
 
 
 def formed_plies(text: str) -> dict[str, Any]:
