@@ -16,14 +16,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.base import BaseContext
 from numba.core.datamodel import PrimitiveModel
-from numba.core.datamodel.manager import DataModelManager
 from numba.core.errors import TypingError
 from numba.core.imputils import lower_cast
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
@@ -31,6 +30,9 @@ from numba.extending import intrinsic, lower_builtin, register_model
 from numba.np.arrayobj import make_array
 
 from lcmchain.jit import FLOATING_POINT, equation
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.datamodel.manager import DataModelManager
 
 #: Numbers of a pack.
 PACK = 8

@@ -17,24 +17,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from types import FunctionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 from numba import config, jit, njit
-from numba.core.codegen import (
-    Codegen,
-    CodeLibrary,
-    CPUCodeLibrary,
-    JITCodeLibrary,
-    JITCPUCodegen,
-)
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
-from numba.core.funcdesc import FunctionDescriptor
 from numba.core.registry import CPUDispatcher
-from numba.core.typing.context import Context
 from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.np.ufunc import parallel
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.codegen import Codegen, CodeLibrary
+    from numba.core.funcdesc import FunctionDescriptor
+    from numba.core.typing.context import Context
 
 PART = "part"  # kind of what is kept on disk, beside numba's own
 LOOP_BODY = "__numba_parfor_gufunc"  # how numba names the bodies of parallel loops

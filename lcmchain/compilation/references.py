@@ -14,7 +14,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llvmlite import ir
@@ -22,9 +22,7 @@ from numba import typeof, types
 from numba.core import cgutils
 from numba.core.base import BaseContext
 from numba.core.datamodel import models
-from numba.core.datamodel.manager import DataModelManager
 from numba.core.imputils import impl_ret_borrowed
-from numba.core.pythonapi import _UnboxContext as UnboxContext
 from numba.core.registry import cpu_target
 from numba.core.typing.templates import AttributeTemplate, Signature
 from numba.extending import (
@@ -38,6 +36,10 @@ from numba.extending import (
 from numba.np.numpy_support import as_dtype
 
 from lcmchain.compilation.processor import zeros
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.datamodel.manager import DataModelManager
+    from numba.core.pythonapi import _UnboxContext as UnboxContext
 
 #: What compiled code keeps of an array, in its order.
 ARRAY = ("meminfo", "parent", "nitems", "itemsize", "data", "shape", "strides")

@@ -17,18 +17,21 @@ import hashlib
 import importlib
 from collections.abc import Callable
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.base import user_function
-from numba.core.codegen import CodeLibrary, CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
-from numba.core.typing.context import Context
 
 from lcmchain.compilation.compiled_parts import PartDispatcher, PartEntry, PartLibrary
 from lcmchain.compilation.references import ReferenceType
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.codegen import CodeLibrary
+    from numba.core.typing.context import Context
 
 PREFIX = "lcmchain.standalone."
 CALLER = "caller"  # kinds of what is kept on disk, beside numba's own

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self, cast
+from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
@@ -40,7 +40,6 @@ from lcmchain.elements.solid_shell.packing import (
     quick_kind_of,
 )
 from lcmchain.elements.solid_shell.pressure import normal_pressure
-from lcmchain.elements.solid_shell.reference import ElementOptions
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
@@ -55,6 +54,9 @@ from lcmchain.materials.law import (
     viscosity_of,
 )
 from lcmchain.mesh.blank import BlankMesh
+
+if TYPE_CHECKING:  # no run needs the reference in NumPy
+    from lcmchain.elements.solid_shell.reference import ElementOptions
 
 CORNERS = 8
 # Width of the strips of fibre that bend within an element, over the thickness of the fabric.
