@@ -21,6 +21,7 @@ from pydantic.fields import FieldInfo
 
 from lcmchain.errors import shortened
 from lcmchain.quantities.entry_types import FileName, toml_like
+from lcmchain.scene.reading.overrides import TomlTable
 from lcmchain.scene.scene import Scene
 
 # --- models at a location of a document -----------------------------------------------------------
@@ -167,7 +168,7 @@ def tags_of(model: type[BaseModel]) -> tuple[str, ...]:
 Location = tuple[str | int, ...]
 
 
-def named_files(data: dict[str, Any]) -> Iterator[tuple[Location, str]]:
+def named_files(data: TomlTable) -> Iterator[tuple[Location, str]]:
     """Yield location and value of every entry of a document that names a file.
 
     Works on documents with errors too; values that are no names are left out.
@@ -311,7 +312,7 @@ class Problem:
 
 
 def problems_of(
-    error: ValidationError, data: dict[str, Any], at: tuple[str | int, ...] = ()
+    error: ValidationError, data: TomlTable, at: tuple[str | int, ...] = ()
 ) -> list[Problem]:
     """Explain a validation error of a scene, one problem per wrong entry, in file order.
 
