@@ -62,15 +62,11 @@ AUTOMATIC_PENALTY = 0.1
 DEEPEST_EXPECTED = 0.03
 
 
-#: What the families of elements make of a blank.
-SheetMesh = BlankMesh | TriangleMesh
-
-
 class Sheet(NamedTuple):
     """What a body is built from: a mesh, its material, and the choices of the scene's element."""
 
     name: str
-    mesh: SheetMesh
+    mesh: BlankMesh | TriangleMesh
     material: Material
     element: SheetElement
 
@@ -436,7 +432,7 @@ def _supports_of(
 
 
 def assemble_model(
-    mesh: SheetMesh, material: Material, element: SheetElement, **others: Any
+    mesh: BlankMesh | TriangleMesh, material: Material, element: SheetElement, **others: Any
 ) -> Model:
     """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
     return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
