@@ -9,13 +9,13 @@ import shutil
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import BufferedIOBase
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import IO
 
 from lcmchain.errors import InputError
 
-_OPENERS: dict[bytes, Callable[[Path], IO[bytes]]] = {
+_OPENERS: dict[bytes, Callable[[Path], BufferedIOBase]] = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
     b"\xfd7zXZ\x00": lzma.open,
@@ -54,7 +54,7 @@ def unpacked(path: Path) -> Iterator[Path]:
             raise InputError(error.message.replace(str(inner), str(path)), file=path) from error
 
 
-def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
+def _opener(path: Path) -> Callable[[Path], BufferedIOBase] | None:
     with path.open("rb") as file:
         head = file.read(max(map(len, _OPENERS)))
     found = (opener for magic, opener in _OPENERS.items() if head.startswith(magic))
