@@ -28,7 +28,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import numba
 from numba.core import event
@@ -309,10 +308,10 @@ def _whenever_numba_compiles(call: Callable[[], None]) -> Iterator[None]:
     """Call a function whenever numba begins to compile one, or has compiled it."""
 
     class Watcher(event.Listener):
-        def on_start(self, event: Any) -> None:
+        def on_start(self, _: event.Event) -> None:
             call()
 
-        def on_end(self, event: Any) -> None:
+        def on_end(self, _: event.Event) -> None:
             call()
 
     with event.install_listener("numba:compile", Watcher()):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol, cast
 
 from numba import types
 from numba.extending import overload
@@ -18,21 +18,31 @@ from lcmchain.compilation.cache import key_cache_by_file
 from lcmchain.compilation.references import ReferenceType
 from lcmchain.jit import INLINED, move_cache
 
+
+class Dispatched(Protocol):
+    """A function that answers by class, with the compiled functions of those that answer."""
+
+    __name__: str
+    implementations: dict[type, Any]
+
+    def __call__(self, *arguments: Any) -> Any: ...
+
+
 # All functions that answer by class.
-_dispatched: list[Any] = []
+_dispatched: list[Dispatched] = []
 
 
-def required(stub: Callable[..., Any]) -> Callable[..., Any]:
+def required(stub: Callable[..., Any]) -> Dispatched:
     """Make a function that every class must implement; ``stub`` gives its name and arguments."""
     return _by_class(stub, None)
 
 
-def optional(stub: Callable[..., Any]) -> Callable[..., Any]:
+def optional(stub: Callable[..., Any]) -> Dispatched:
     """Make a function as :func:`required` does; ``stub`` answers for classes that do not."""
     return _by_class(stub, stub)
 
 
-def implements(function: Any, chosen_class: type) -> Callable[[Any], Any]:
+def implements(function: Dispatched, chosen_class: type) -> Callable[[Any], Any]:
     """Register the decorated compiled function as the answer of a class.
 
     One that only hands on what it is given to a kernel needs no compiler where Python asks, and
@@ -65,7 +75,7 @@ def inherit(new_class: type, old_class: type) -> None:
             implements(function, new_class)(function.implementations[old_class])
 
 
-def is_implemented(function: Any, chosen_class: type) -> bool:
+def is_implemented(function: Dispatched, chosen_class: type) -> bool:
     """Tell whether a class answers a function itself."""
     return chosen_class in function.implementations
 
@@ -93,8 +103,9 @@ def _by_class(stub, default):
         found = find(first.instance_class)
         return getattr(found, "py_func", found)
 
-    function.implementations = implementations  # type: ignore[attr-defined]
-    _dispatched.append(function)
+    dispatched = cast(Dispatched, function)
+    dispatched.implementations = implementations
+    _dispatched.append(dispatched)
     # the arguments carry the names that the implementation gives them: no comparison of names
     overload(function, jit_options=INLINED, strict=False)(choose)
-    return function
+    return dispatched

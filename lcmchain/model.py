@@ -43,6 +43,7 @@ from lcmchain.interfaces.table import Interface
 from lcmchain.materials.law import Material, history_count, knows_step
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.cells import by_node
+from lcmchain.mesh.mid_surface import TriangleMesh
 from lcmchain.scene import Contact, Element, Process, Scene
 from lcmchain.scene.plies import RESERVED_NAMES
 from lcmchain.scene.process import require_time_for_fluid, require_time_for_rates
@@ -65,7 +66,7 @@ class Sheet(NamedTuple):
     """What a body is built from: a mesh, its material, and the choices of the scene's element."""
 
     name: str
-    mesh: Any
+    mesh: BlankMesh | TriangleMesh
     material: Material
     element: SheetElement
 
@@ -430,7 +431,9 @@ def _supports_of(
     return found
 
 
-def assemble_model(mesh: Any, material: Material, element: SheetElement, **others: Any) -> Model:
+def assemble_model(
+    mesh: BlankMesh | TriangleMesh, material: Material, element: SheetElement, **others: Any
+) -> Model:
     """Build the model of one sheet; ``others`` as for :func:`assemble_bodies`."""
     return assemble_bodies([Sheet("sheet", mesh, material, element)], **others)
 
@@ -489,8 +492,7 @@ def assemble_bodies(
     tools = _tools_clear_of(tools, bodies, positions, absent)
     grips = grips_of(grippers, bodies)
     pulling = [grip for grip in grips if grip.settings.pulls]
-    holding = [grip.support(time) for grip in grips if not grip.settings.pulls]
-    supports = [*supports, *holding]
+    supports = [*supports, *(grip.support(time) for grip in grips if not grip.settings.pulls)]
     support_table, free = build_supports(supports, positions, time)
     if free is None and absent is not None:
         free = np.ones((3, len(positions)))  # plies that are laid down later are held until then
@@ -499,13 +501,7 @@ def assemble_bodies(
     stiffness = _contact_stiffness(
         contact, tools, bodies, pressure, time, stages, absent is not None, bool(interfaces)
     )
-    slowest = float(np.sqrt(stiffness.penalty * nodes.area / nodes.mass).min())
-    depth_rate = 2.0 * contact.damping_ratio * slowest
-
-    def depths(time: float) -> tuple[float | None, float]:
-        materials = [body.material for body in bodies]
-        return depth_control(contact, tools, stiffness.gap, materials, time, depth_rate)
-
+    depths = _depth_control_over(contact, tools, bodies, nodes, stiffness)
     contacts = interfaces_of_stages(
         interfaces_by_stage or [interfaces],
         bodies,
@@ -528,14 +524,7 @@ def assemble_bodies(
         tool_names=tuple(tool_names),
         supports=support_table,
         support_names=tuple(support.name for support in supports),
-        environment=Environment(
-            stiffness.penalty,
-            float(contact.tangential_ratio),
-            float(contact.damping_ratio),
-            *depths(time),
-            float(process.mass_damping),
-            weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
-        ),
+        environment=_environment(contact, process, bodies, stiffness, depths(time)),
         averaging=process.damping_average if process.mass_damping > 0.0 else None,
         pace=pace_law(bodies, time, process.quasi_static) if finds_pace else None,
         automatic_penalty=contact.penalty is None,
@@ -683,6 +672,38 @@ def _contact_stiffness(
         of_plies = [max(_automatic_penalty(body), stiff_enough) for body in bodies]
     penalty = min(of_plies) if contact.penalty is None else contact.penalty
     return _ContactStiffness(float(penalty), of_plies, gap)
+
+
+def _depth_control_over(
+    contact: Contact,
+    tools: ToolTable,
+    bodies: Sequence[Body],
+    nodes: NodeData,
+    stiffness: _ContactStiffness,
+) -> Callable[[float], tuple[float | None, float]]:
+    """Return what gives ``depth_time`` and ``depth_stiffening`` for a time of the process [s]."""
+    slowest = float(np.sqrt(stiffness.penalty * nodes.area / nodes.mass).min())
+    rate = 2.0 * contact.damping_ratio * slowest
+    materials = [body.material for body in bodies]
+    return lambda time: depth_control(contact, tools, stiffness.gap, materials, time, rate)
+
+
+def _environment(
+    contact: Contact,
+    process: Process,
+    bodies: Sequence[Body],
+    stiffness: _ContactStiffness,
+    depth: tuple[float | None, float],
+) -> Environment:
+    """Return the scalars of contact, damping and weight; ``depth`` : time and stiffening."""
+    return Environment(
+        stiffness.penalty,
+        float(contact.tangential_ratio),
+        float(contact.damping_ratio),
+        *depth,
+        float(process.mass_damping),
+        weight_per_inertia(bodies, STANDARD_GRAVITY if process.gravity else 0.0),
+    )
 
 
 def _closing_by_stages(

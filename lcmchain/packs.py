@@ -16,11 +16,12 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.base import BaseContext
 from numba.core.datamodel import PrimitiveModel
 from numba.core.errors import TypingError
 from numba.core.imputils import lower_cast
@@ -29,6 +30,9 @@ from numba.extending import intrinsic, lower_builtin, register_model
 from numba.np.arrayobj import make_array
 
 from lcmchain.jit import FLOATING_POINT, equation
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.datamodel.manager import DataModelManager
 
 #: Numbers of a pack.
 PACK = 8
@@ -59,13 +63,13 @@ pack, mask = PackType(), MaskType()
 
 @register_model(PackType)
 class PackModel(PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
+    def __init__(self, manager: DataModelManager, kind: types.Type) -> None:
         super().__init__(manager, kind, NUMBERS)
 
 
 @register_model(MaskType)
 class MaskModel(PrimitiveModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
+    def __init__(self, manager: DataModelManager, kind: types.Type) -> None:
         super().__init__(manager, kind, BITS)
 
 
@@ -87,18 +91,18 @@ def _mask_of_answer(context, builder, boolean_type, mask_type, answer):
     return _repeated(builder, builder.trunc(answer, BIT) if answer.type != BIT else answer)
 
 
-def _repeated(builder: Any, value: Any) -> Any:
+def _repeated(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     """Return a vector of a value in all lanes."""
     some = ir.Constant(ir.VectorType(value.type, PACK), ir.Undefined)
     first = builder.insert_element(some, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(first, some, _lanes([0] * PACK))
 
 
-def _lanes(numbers: list[int]) -> Any:
+def _lanes(numbers: list[int]) -> ir.Constant:
     return ir.Constant(ir.VectorType(ir.IntType(32), len(numbers)), numbers)
 
 
-def _let(function: Any, count: int, result: Any, build: Callable[..., Any]) -> None:
+def _let(function: Callable, count: int, result: types.Type, build: Callable[..., Any]) -> None:
     """Let a function of Python take ``count`` packs, one or some of which may be numbers."""
 
     @infer_global(function)
@@ -162,7 +166,7 @@ _let(math.sqrt, 1, pack, _of_llvm("sqrt"))
 _let(operator.neg, 1, pack, lambda builder, one: builder.fneg(one))
 
 
-def _let_masks(function: Any, name: str) -> None:
+def _let_masks(function: Callable, name: str) -> None:
     @infer_global(function)
     class Template(AbstractTemplate):
         key = function
@@ -310,7 +314,9 @@ def store_first(typing_context, values, place, numbers, count):
     return types.none(values, types.intp, pack, types.intp), build
 
 
-def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
+def _address(
+    context: BaseContext, builder: ir.IRBuilder, kind: types.Array, array: ir.Value, place: ir.Value
+) -> ir.Value:
     """Return the pointer to the pack that begins at a place of an array."""
     if kind.layout != "C" or kind.dtype != types.float64:
         raise TypingError("packs are of numbers of double precision in C-contiguous arrays")
@@ -318,7 +324,7 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
     return builder.bitcast(builder.gep(data, [place]), NUMBERS.as_pointer())
 
 
-def _masked_load(builder: Any, address: Any, lanes: Any) -> Any:
+def _masked_load(builder: ir.IRBuilder, address: ir.Value, lanes: ir.Value) -> ir.Value:
     """Return what lies in some lanes of a pack in memory, and zeros elsewhere."""
     kind = ir.FunctionType(NUMBERS, [address.type, ir.IntType(32), BITS, NUMBERS])
     name = f"llvm.masked.load.v{PACK}f64.p0"
@@ -327,7 +333,7 @@ def _masked_load(builder: Any, address: Any, lanes: Any) -> Any:
     return builder.call(function, [address, align, lanes, zeros])
 
 
-def _first(builder: Any, count: Any) -> Any:
+def _first(builder: ir.IRBuilder, count: ir.Value) -> ir.Value:
     """Return which lanes are the first ``count``."""
     numbered = ir.Constant(ir.VectorType(INDEX, PACK), list(range(PACK)))
     return builder.icmp_signed("<", numbered, _repeated(builder, count))

@@ -55,6 +55,31 @@ class StageStart(Protocol):
     def gripped_at(self) -> np.ndarray: ...
 
 
+class StagedModel(Protocol):
+    """What is read of a model for its stages; it is above them, :class:`lcmchain.model.Model`."""
+
+    @property
+    def bodies(self) -> Sequence[Body]: ...
+    @property
+    def nodes(self) -> Any: ...
+    @property
+    def tools(self) -> ToolTable: ...
+    @property
+    def grips(self) -> Sequence[Grip]: ...
+    @property
+    def held_grip_count(self) -> int: ...
+    @property
+    def grippers(self) -> GripperTable | None: ...
+    @property
+    def supports(self) -> SupportTable | None: ...
+    @property
+    def face_pressure(self) -> FacePressure | RegionalPressure | None: ...
+    @property
+    def environment(self) -> Any: ...
+    @property
+    def averaging(self) -> float | None: ...
+
+
 @dataclass(frozen=True)
 class StageTables:
     """A stage as the loop takes it.
@@ -120,7 +145,7 @@ class StageTables:
             over_all_stages=whole,
         )
 
-    def free(self, model: Any, let_go: np.ndarray) -> np.ndarray:
+    def free(self, model: StagedModel, let_go: np.ndarray) -> np.ndarray:
         """Return 1 where a component of a node is free (3, node_count), 0 where it is held.
 
         Plies that are laid down later are held where they wait.
@@ -140,7 +165,7 @@ class StageTables:
 
 
 def stage_tables(
-    model: Any,
+    model: StagedModel,
     plans: Sequence[StagePlan],
     contacts: Sequence[PlyContact],
     *,
@@ -244,7 +269,7 @@ def _of_nodes(table: SupportTable, kept: np.ndarray) -> SupportTable:
     )
 
 
-def _require_gripped(model: Any, plan: StagePlan, grippers: Sequence[Gripper]) -> None:
+def _require_gripped(model: StagedModel, plan: StagePlan, grippers: Sequence[Gripper]) -> None:
     """Refuse a gripper that pulls at a ply that is not there, or has nothing to hold.
 
     One that holds takes up the nodes of a ply when that is laid down.

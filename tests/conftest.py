@@ -100,6 +100,45 @@ def references():
     return count
 
 
+@pytest.fixture(scope="session")
+def placed_by_hand():
+    """Make the groups of a result whose plies lie flat, then where they are put.
+
+    Nothing is compiled or formed. ``put`` takes the undeformed mesh of a ply and returns the last
+    positions of its nodes; ``thinning`` is the last thickness over the first.
+    """
+
+    def make(scene, put, thinning=1.0):
+        from lcmchain.fields import FrameSeries
+        from lcmchain.fields.dataset import LaidSheet, SheetFrames, sheets_datasets
+        from lcmchain.mesh.mid_surface import MidSurfaceMesh
+
+        sheets, positions = {}, []
+        for ply in scene.stack:
+            mesh, material = MidSurfaceMesh.of_blank(ply.build_blank()), ply.built_material()
+            both = np.stack([mesh.node_positions, put(mesh)])
+            thickness = np.full((2, mesh.element_count), material.thickness)
+            thickness[1] *= thinning
+            given = {"thickness": thickness}
+            if material.fibre_density is not None:
+                fraction = material.areal_mass / (material.fibre_density * thickness)
+                given["fibre_volume_fraction"] = fraction
+            none = np.empty((2, 0, mesh.element_count))
+            sheets[ply.name] = SheetFrames(
+                LaidSheet(mesh, material), both, none, given, None, None, np.nan
+            )
+            positions.append(both)
+        frames = FrameSeries(
+            time=np.array([0.0, scene.process.time]),
+            positions=np.concatenate(positions, axis=1),
+            tool_travel=np.zeros((2, 0)),
+            tool_force=np.zeros((2, 0, 3)),
+        )
+        return sheets_datasets(scene, sheets, frames)
+
+    return make
+
+
 @pytest.fixture
 def in_new_process(tmp_path):
     """Run code in a process of its own, in ``tmp_path``, whose modules it finds.

@@ -353,8 +353,9 @@ def _unit(part: FmuPart) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> bool | int | float | str:
-    return value.item() if hasattr(value, "item") else value
+def _plain(value: np.generic | bool | int | float | str) -> bool | int | float | str:
+    plain: bool | int | float | str = value.item() if isinstance(value, np.generic) else value
+    return plain
 
 
 def cost_table(summary: dict[str, Any]) -> Table:

@@ -31,7 +31,7 @@ from lcmchain.quantities.entry_types import (
     wrong,
 )
 from lcmchain.scene.reading.explain import MOST_PROBLEMS, documents_of, problems_of
-from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.overrides import TomlTable, apply_overrides
 from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
 
 #: Group of the convergence in the record; no unit may have this name.
@@ -352,7 +352,7 @@ def read_system(path: Path | str, overrides: Sequence[str] = ()) -> System:
 
 
 def system_from(
-    data: dict[str, Any],
+    data: TomlTable,
     path: Path | None,
     overrides: Sequence[str] = (),
     *,

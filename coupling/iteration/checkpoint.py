@@ -26,7 +26,7 @@ from lcmchain.errors import InputError
 _ARRAY, _LIST, _TUPLE, _DICT, _RECORD, _NUMBER = "array", "list", "tuple", "dict", "record", "float"
 
 
-def flattened(saved: Any) -> tuple[Any, list[np.ndarray]]:
+def flattened(saved: object) -> tuple[Any, list[np.ndarray]]:
     """Return a saved state as a tree for JSON and the arrays that it refers to.
 
     Raises
@@ -37,7 +37,7 @@ def flattened(saved: Any) -> tuple[Any, list[np.ndarray]]:
     return _flat(saved, arrays), arrays
 
 
-def restored(tree: Any, arrays: list[np.ndarray], records: Mapping[str, Callable]) -> Any:
+def restored(tree: object, arrays: list[np.ndarray], records: Mapping[str, Callable]) -> Any:
     """Return the saved state of a tree and its arrays.
 
     records : classes of the records in it, by name; no other class is ever made.
@@ -58,7 +58,7 @@ def restored(tree: Any, arrays: list[np.ndarray], records: Mapping[str, Callable
     return entries if kind == _LIST else tuple(entries)
 
 
-def _flat(saved: Any, arrays: list[np.ndarray]) -> Any:
+def _flat(saved: object, arrays: list[np.ndarray]) -> Any:
     if saved is None or isinstance(saved, (bool, str)) or type(saved) is int:
         return saved
     if isinstance(saved, np.ndarray):

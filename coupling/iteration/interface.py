@@ -75,7 +75,7 @@ class CoupledPart(Protocol):
             restores the part and may try a shorter step.
         """
 
-    def save(self) -> Any:
+    def save(self) -> object:
         """Return a copy of the whole state, inputs included; advancing does not change it."""
 
     def restore(self, saved: Any) -> None:

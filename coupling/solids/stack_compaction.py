@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from lcmchain.mapping.plies import SHARE
 from lcmchain.materials.features.pressure_table import PressureTable
 from lcmchain.materials.features.shear_compaction import coupling_of, free_stretch
 from lcmchain.materials.law import Material, couples_shear
+from lcmchain.materials.table import MaterialTable
 from lcmchain.scene.reading.single_tables import formed_material, formed_plies
 
 #: A ply that covers all of a cell but for rounding covers all of it.
@@ -306,7 +306,7 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
     return of_cells(material, material.fibre_density * fraction * thickness)
 
 
-def at_rest(table: Any) -> Material:
+def at_rest(table: MaterialTable) -> Material:
     """Return the law of a material's table for pure pressing: without friction and rates."""
     for has_effect, without in (
         ("resists_rates", "without_rates"),

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -133,7 +132,9 @@ def repeated_forces(data, position, corner_force, history, count):
         internal_forces(data, position, corner_force, history)
 
 
-def kernel_work(simulation: Simulation, data: Any, calls: int = KERNEL_CALLS) -> Callable[[], None]:
+def kernel_work(
+    simulation: Simulation, data: tuple, calls: int = KERNEL_CALLS
+) -> Callable[[], None]:
     """Return ``calls`` evaluations of the internal forces at the present positions.
 
     ``data`` are the constants of the body: those of the simulation's, or others of the same mesh.

@@ -15,7 +15,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import llvmlite.binding as llvm
 import numpy as np
@@ -40,6 +40,7 @@ from lcmchain.tools.pack_distance import (
     profile_distances,
 )
 from lcmchain.tools.profiles import ARC, BEGIN, CORNER_COLUMNS, DEPTH, END, HEIGHT
+from lcmchain.tools.table import ToolTable
 
 #: Of one number each, on x86: arithmetic, square roots, the larger or smaller of two.
 SINGLE = re.compile(r"\sv?(?:add|sub|mul|div|sqrt|max|min)sd\s")
@@ -133,7 +134,9 @@ def contact_operations(simulation: Simulation, operations: Operations) -> float:
     return float(PACK * total)
 
 
-def _near_level_part(table: Any, tool: int, position: np.ndarray, travel: float) -> np.ndarray:
+def _near_level_part(
+    table: ToolTable, tool: int, position: np.ndarray, travel: float
+) -> np.ndarray:
     """Tell which nodes lie nearer to the level part of a revolved tool than to any other part."""
     part = table.level_part[tool]
     x, y, z = (position - table.origin[tool] - travel * table.direction[tool]).T
@@ -158,7 +161,7 @@ def _operations_of(function: Dispatcher, *arguments: object) -> int:
     return counted_of_packs(assembly) if in_packs else counted(assembly)
 
 
-def operations_of_pieces(tools: Any) -> list[int]:
+def operations_of_pieces(tools: ToolTable) -> list[int]:
     """Return the operations of a line, an arc and a corner of a profile, per node."""
     piece, corner, best = tools.segments[0], np.zeros(CORNER_COLUMNS), types.UniTuple(pack, 5)
     return [

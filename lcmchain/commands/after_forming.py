@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
@@ -36,6 +36,10 @@ from lcmchain.commands.terminal import (
     warn,
 )
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from lcmchain.coupling.infiltration.stage import FillOptions
+    from lcmchain.mapping import MappingOptions
 
 
 class MappingReport(Protocol):
@@ -315,13 +319,13 @@ def fill(
     require_none(warnings, strict=strict)
 
 
-def _options(frame: int, allow_incomplete: bool, resume: bool) -> Any:
+def _options(frame: int, allow_incomplete: bool, resume: bool) -> FillOptions:
     from lcmchain.coupling.infiltration.stage import FillOptions
 
     return FillOptions(frame=frame, allow_incomplete=allow_incomplete, resume=resume)
 
 
-def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> Any:
+def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> MappingOptions:
     from lcmchain.mapping import MappingOptions
 
     distance = _distance(maximum_distance)
@@ -338,8 +342,8 @@ def _fill_file(
     out: Path | None,
     name: str,
     overrides: Sequence[str],
-    mapping: Any,
-    options: Any,
+    mapping: MappingOptions,
+    options: FillOptions,
     quiet: bool,
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill a forming result or a mapped file with the case of a file."""
@@ -369,7 +373,7 @@ def _fill_file(
 
 
 def _fill_scene(
-    path: Path, out: Path | None, overrides: Sequence[str], options: Any, quiet: bool
+    path: Path, out: Path | None, overrides: Sequence[str], options: FillOptions, quiet: bool
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill as a scene says, from its forming results in the folder."""
     from lcmchain.scene import read_scene

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lcmchain.commands.options import Overrides, Quiet, Results, Strict, default_out, output_folder
 from lcmchain.commands.terminal import console, progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
+
+if TYPE_CHECKING:
+    from lcmchain.coupling.cosimulation.system_file import System
 
 SSP_SUFFIX, SSD_SUFFIX = ".ssp", ".ssd"
 
@@ -74,7 +77,7 @@ def cosim(
 
 
 @contextmanager
-def _read(path: Path, overrides: Any) -> Iterator[Any]:
+def _read(path: Path, overrides: Sequence[str]) -> Iterator[System]:
     """Read a file, told by its content; an SSP archive stays unpacked within the block."""
     if not path.is_file():
         raise InputError("there is no such file", file=path)
@@ -125,7 +128,7 @@ def _kind(path: Path) -> str:
     return path.suffix.lower()
 
 
-def _export(the_system: Any, source: Path, target: Path, version: str) -> None:
+def _export(the_system: System, source: Path, target: Path, version: str) -> None:
     from lcmchain.coupling.cosimulation.ssp.writing import VERSIONS, write_ssp
 
     if version not in VERSIONS:

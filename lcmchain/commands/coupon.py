@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from lcmchain.commands.options import OutFolder, Overrides, output_folder
 from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
+
+if TYPE_CHECKING:
+    from lcmchain.identification.entering_rows import RowChoice
 
 # --- coupon: a simulated test beside its analytic solution ----------------------------------------
 
@@ -242,7 +245,7 @@ Range = Annotated[
 ]
 
 
-def _rows(zero: str | None, without: str | None, ranges: list[str] | None) -> Any:
+def _rows(zero: str | None, without: str | None, ranges: list[str] | None) -> RowChoice:
     from lcmchain.identification.entering_rows import RowChoice
 
     return RowChoice(zero, without, tuple(ranges or ()))

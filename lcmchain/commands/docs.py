@@ -41,9 +41,12 @@ def docs(
         _list_topics()
         return
     if regenerate:
+        from lcmchain.manual.command_reference import Group
         from lcmchain.manual.generated import write_generated_pages
 
-        for file in write_generated_pages(context.find_root().command):
+        root = context.find_root().command
+        assert isinstance(root, Group)
+        for file in write_generated_pages(root):
             say(f"Wrote {file}")
         return
     from lcmchain.manual.contents import read_page

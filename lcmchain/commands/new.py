@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,6 +13,7 @@ from lcmchain.commands.terminal import console, length_of, quantity, say, warn
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:
+    from lcmchain.coupling.infiltration.foreign_case import ForeignCase
     from lcmchain.quantities.units import Dimension
     from lcmchain.scene.cases.sheet import Sheet
 
@@ -310,7 +311,7 @@ def _require_file(path: Path) -> None:
         raise InputError("there is no such file", file=path)
 
 
-def _write_case(case: Any, out: Path, inputs: list[Path | None]) -> None:
+def _write_case(case: ForeignCase, out: Path, inputs: list[Path | None]) -> None:
     from lcmchain.atomic import replacing
     from lcmchain.coupling.infiltration.foreign_case import case_text
     from lcmchain.scene.reading.single_tables import infiltration_from_text

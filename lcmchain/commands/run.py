@@ -88,7 +88,6 @@ def run(
                 raise InputError(
                     "belongs to the run of a scene; leave out --within and --budget", key=option
                 )
-
         run_chosen(
             scene, out, within, budget, overrides or (),
             model=model, threads=threads, resume=resume, strict=strict, quiet=quiet,
@@ -96,29 +95,45 @@ def run(
         return
     the_scene = _scene_on_rung(scene, overrides, model)
     with output_folder(out or default_out(scene)) as folder:
-        from lcmchain.pipeline import run as run_scene
+        summary = _summary_of_run(
+            the_scene, folder, threads=threads, resume=resume, until_stage=until_stage,
+            start_from=start_from, quiet=quiet,
+        )  # fmt: skip
+    require_none(print_result(summary, folder, quiet=quiet), strict=strict)
 
-        try:
-            with progress_bar(quiet=quiet) as progress:
-                result = run_scene(
-                    the_scene, folder, threads=threads, resume=resume, until_stage=until_stage,
-                    start_from=start_from, progress=progress,
-                )  # fmt: skip
-        except KeyboardInterrupt:
-            # In the steps it is a request; here it came while fields are written, drawn or mapped.
-            from lcmchain.solver.checkpoint import FILE_NAME
 
-            if not (folder / FILE_NAME).exists():
-                raise
-            raise SimulationInterrupted(
-                f"stopped by the user; the same command with --resume goes on from {folder}"
-            ) from None
-        except (MappingError, UnfinishedRun) as error:
-            if error.result is not None:
-                print_result(error.result.summary, folder, quiet=quiet)
+def _summary_of_run(
+    scene: Scene,
+    folder: Path,
+    *,
+    threads: int | None,
+    resume: bool,
+    until_stage: str | None,
+    start_from: Path | None,
+    quiet: bool,
+) -> Mapping:
+    """Run a scene in a folder; what a run has left that ends early is printed."""
+    from lcmchain.pipeline import run as run_scene
+
+    try:
+        with progress_bar(quiet=quiet) as progress:
+            return run_scene(
+                scene, folder, threads=threads, resume=resume, until_stage=until_stage,
+                start_from=start_from, progress=progress,
+            ).summary  # fmt: skip
+    except KeyboardInterrupt:
+        # In the steps it is a request; here it came while fields are written, drawn or mapped.
+        from lcmchain.solver.checkpoint import FILE_NAME
+
+        if not (folder / FILE_NAME).exists():
             raise
-    warnings = print_result(result.summary, folder, quiet=quiet)
-    require_none(warnings, strict=strict)
+        raise SimulationInterrupted(
+            f"stopped by the user; the same command with --resume goes on from {folder}"
+        ) from None
+    except (MappingError, UnfinishedRun) as error:
+        if error.result is not None:
+            print_result(error.result.summary, folder, quiet=quiet)
+        raise
 
 
 def check(

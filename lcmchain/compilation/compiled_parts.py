@@ -17,16 +17,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from types import FunctionType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 from numba import config, jit, njit
-from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.registry import CPUDispatcher
 from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.np.ufunc import parallel
+
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.codegen import Codegen, CodeLibrary
+    from numba.core.funcdesc import FunctionDescriptor
+    from numba.core.typing.context import Context
 
 PART = "part"  # kind of what is kept on disk, beside numba's own
 LOOP_BODY = "__numba_parfor_gufunc"  # how numba names the bodies of parallel loops
@@ -34,6 +39,8 @@ LOOP_BODY = "__numba_parfor_gufunc"  # how numba names the bodies of parallel lo
 
 class PartLibrary(JITCodeLibrary):
     """Optimised code of a part, for others to link; it never becomes machine code."""
+
+    only_linked = True  # Python has no entry to it
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -58,7 +65,13 @@ class LoopLibrary(PartLibrary):
 class PartCompiler(Compiler):
     """Numba's compiler, which makes a library of a part."""
 
-    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *others: Any) -> None:
+    def __init__(
+        self,
+        typingctx: Context,
+        targetctx: CPUContext,
+        library: CodeLibrary | None,
+        *others: object,
+    ) -> None:
         library = PartLibrary(targetctx.codegen(), f"{PART}_{id(self)}")
         super().__init__(typingctx, targetctx, library, *others)
 
@@ -73,7 +86,10 @@ class PartDispatcher(CPUDispatcher):
     compiler: type[Compiler] = PartCompiler
 
     def __init__(
-        self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None
+        self,
+        py_func: Callable[..., Any],
+        locals: dict | None = None,
+        targetoptions: dict | None = None,
     ) -> None:
         super().__init__(py_func, locals or {}, targetoptions, pipeline_class=self.compiler)
         without = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -124,9 +140,11 @@ def know_parts() -> None:
     """
     unserialize = JITCodeLibrary._unserialize.__func__  # type: ignore[attr-defined]
     executable, set_env = CPUContext.get_executable, JITCPUCodegen.set_env
-    waiting: dict[str, Any] = {}
+    waiting: dict[str, object] = {}
 
-    def unserialize_part(cls: Any, codegen: Any, state: Any) -> Any:
+    def unserialize_part(
+        cls: type[JITCodeLibrary], codegen: JITCPUCodegen, state: Any
+    ) -> JITCodeLibrary:
         name, kind, data = state
         if kind != PART:
             return unserialize(cls, codegen, state)
@@ -135,21 +153,22 @@ def know_parts() -> None:
         library._finalized = True
         return library
 
-    def executable_of_part(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
-        if isinstance(library, PartLibrary):
-            library.codegen.set_env(self.get_env_name(fndesc), env)
-            return PartEntry()
+    def executable_of_part(
+        self: CPUContext, library: CPUCodeLibrary, fndesc: FunctionDescriptor, env: object
+    ) -> object:
         if getattr(library, "only_linked", False):
             library.codegen.set_env(self.get_env_name(fndesc), env)
-            made: Any = PartEntry()
+            entry: object = PartEntry()
         else:
-            made = executable(self, library, fndesc, env)
+            entry = executable(self, library, fndesc, env)
+        if isinstance(library, PartLibrary):  # no machine code that environments could go with
+            return entry
         for variable in library._final_module.global_variables:
             if variable.name in waiting:
                 library.codegen.set_env(variable.name, waiting[variable.name])
-        return made
+        return entry
 
-    def set_env_where_it_is(self: Any, name: str, env: Any) -> None:
+    def set_env_where_it_is(self: JITCPUCodegen, name: str, env: object) -> None:
         if self._engine.get_global_value_address(name):
             set_env(self, name, env)
         else:
@@ -167,14 +186,19 @@ def _take_loops_for_parts() -> None:
     create, wrap = JITCPUCodegen.create_library, parallel.build_gufunc_wrapper
     wrapping: list[bool] = []
 
-    def create_part(self: Any, name: str, **options: Any) -> Any:
+    def create_part(self: Codegen, name: str, **options: Any) -> Any:
         if wrapping or name.startswith(LOOP_BODY):
             return LoopLibrary(self, name, **options)
         return create(self, name, **options)
 
     def wrap_as_part(
-        py_func: Any, cres: Any, sin: Any, sout: Any, cache: Any, is_parfors: bool
-    ) -> Any:
+        py_func: Callable,
+        cres: object,
+        sin: object,
+        sout: object,
+        cache: dict,
+        is_parfors: bool,
+    ) -> object:
         if not is_parfors:  # a function of its own that Python calls
             return wrap(py_func, cres, sin, sout, cache, is_parfors)
         wrapping.append(True)
@@ -195,7 +219,7 @@ def _take_overloads_for_parts() -> None:
     """
     decorator_for = _OverloadFunctionTemplate._get_jit_decorator
 
-    def part_for(self: Any) -> Any:
+    def part_for(self: _OverloadFunctionTemplate) -> Callable:
         decorator = decorator_for(self)
         return _overload_part if decorator is jit else decorator
 

@@ -51,7 +51,7 @@ def _compare_options_as_they_are_set() -> None:
     compare_all = TargetConfig.__eq__
     names: dict[type, int] = {}
 
-    def equal(self: Any, other: Any) -> Any:
+    def equal(self: TargetConfig, other: object) -> bool:
         if type(self) is not type(other):
             return compare_all(self, other)
         mine, others = self._values, other._values

@@ -12,13 +12,12 @@ and the arrays of the loop, begin where a line does.
 
 from __future__ import annotations
 
-from typing import Any
-
 import llvmlite.binding as llvm
 import numpy as np
 from numba import config
 from numba.core.base import BaseContext
 from numba.core.codegen import CPUCodeLibrary
+from numpy.typing import DTypeLike
 
 #: An instruction set that came with the first processors that keep their clock.
 KEEPS_CLOCK = "avx512vbmi2"
@@ -81,7 +80,7 @@ def align_compiled_code() -> None:
     """
     add = CPUCodeLibrary.add_ir_module
 
-    def add_aligned(self: Any, module: Any) -> None:
+    def add_aligned(self: CPUCodeLibrary, module: llvm.ModuleRef) -> None:
         for function in module.functions:
             if not function.is_declaration:
                 function.attributes.alignstack = LINE
@@ -93,7 +92,7 @@ def align_compiled_code() -> None:
     BaseContext.get_preferred_array_alignment = lambda self, ty: LINE  # type: ignore[method-assign]
 
 
-def zeros(shape: tuple[int, ...], dtype: Any = float) -> np.ndarray:
+def zeros(shape: tuple[int, ...], dtype: DTypeLike = float) -> np.ndarray:
     """Return an array of zeros that begins with a cache line."""
     kind = np.dtype(dtype)
     size = int(np.prod(shape)) * kind.itemsize

@@ -12,18 +12,19 @@ be replaced. Their elements may.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
+from numba.core.base import BaseContext
 from numba.core.datamodel import models
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import cpu_target
-from numba.core.typing.templates import AttributeTemplate
+from numba.core.typing.templates import AttributeTemplate, Signature
 from numba.extending import (
     NativeValue,
     infer_getattr,
@@ -36,6 +37,10 @@ from numba.np.numpy_support import as_dtype
 
 from lcmchain.compilation.processor import zeros
 
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.datamodel.manager import DataModelManager
+    from numba.core.pythonapi import _UnboxContext as UnboxContext
+
 #: What compiled code keeps of an array, in its order.
 ARRAY = ("meminfo", "parent", "nitems", "itemsize", "data", "shape", "strides")
 #: How a number of a kind lies in memory, as the module struct names it.
@@ -45,25 +50,25 @@ CODES = {"bool": "?", "uint8": "B", "int8": "b", "int32": "i", "int64": "q", "fl
 class ReferenceType(types.Type):
     """Type of a reference to a named tuple of the type ``to``."""
 
-    def __init__(self, to: Any) -> None:
+    def __init__(self, to: types.NamedTuple) -> None:
         self.to = to
         super().__init__(f"Reference({to})")
 
     @property
-    def key(self) -> Any:
+    def key(self) -> types.NamedTuple:
         return self.to
 
 
 @register_model(ReferenceType)
 class _ReferenceModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, of_type: Any) -> None:
+    def __init__(self, manager: DataModelManager, of_type: types.Type) -> None:
         super().__init__(manager, of_type, ir.IntType(64))
 
 
 class Reference:
     """A named tuple as compiled code takes it by reference; for Python it has the same fields."""
 
-    def __init__(self, fields: Any) -> None:
+    def __init__(self, fields: tuple) -> None:
         kind = typeof(fields)
         layout = _layout(kind)
         numbers: list[Any] = []
@@ -82,7 +87,7 @@ class Reference:
 
 
 @cache
-def _layout(kind: Any) -> struct.Struct:
+def _layout(kind: types.Type) -> struct.Struct:
     """Return how compiled code has the numbers of a value in memory."""
     places = sorted(_places(kind, 0))
     size = cpu_target.target_context.get_abi_sizeof(cpu_target.target_context.get_data_type(kind))
@@ -93,7 +98,7 @@ def _layout(kind: Any) -> struct.Struct:
     return struct.Struct(f"{form}{size - end}x")
 
 
-def _places(kind: Any, at: int) -> Iterator[tuple[int, str]]:
+def _places(kind: types.Type, at: int) -> Iterator[tuple[int, str]]:
     """Yield where the numbers of a value begin, and their kinds, in the order of `_collect`."""
     if isinstance(kind, types.NoneType):
         return
@@ -113,7 +118,7 @@ def _places(kind: Any, at: int) -> Iterator[tuple[int, str]]:
         yield at, CODES[as_dtype(kind).name]
 
 
-def _offsets(kind: Any) -> list[int]:
+def _offsets(kind: types.Type) -> list[int]:
     """Return at which bytes of a tuple or an array its parts begin."""
     context = cpu_target.target_context
     data = context.get_data_type(kind)
@@ -123,7 +128,7 @@ def _offsets(kind: Any) -> list[int]:
     return [int(data.get_element_offset(context.target_data, k)) for k in range(len(data.elements))]
 
 
-def _collect(kind: Any, value: Any, numbers: list[Any]) -> None:
+def _collect(kind: types.Type, value: Any, numbers: list[Any]) -> None:
     """Append the numbers that stand for a value in compiled code.
 
     Of an array nobody counts the references: the tuple keeps it alive.
@@ -141,10 +146,15 @@ def _collect(kind: Any, value: Any, numbers: list[Any]) -> None:
 
 
 @intrinsic
-def referred(_: Any, reference: Any) -> Any:
+def referred(_: Any, reference: ReferenceType) -> Any:
     """Return the tuple that a reference refers to."""
 
-    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def lower(
+        context: BaseContext,
+        builder: ir.IRBuilder,
+        signature: Signature,
+        arguments: Sequence[ir.Value],
+    ) -> ir.Value:
         kind = signature.return_type
         place = builder.inttoptr(arguments[0], context.get_data_type(kind).as_pointer())
         value = context.data_model_manager[kind].from_data(builder, _read_parts(builder, place))
@@ -154,7 +164,7 @@ def referred(_: Any, reference: Any) -> Any:
 
 
 @unbox(ReferenceType)
-def _unbox_reference(of_type: Any, reference: Any, c: Any) -> Any:
+def _unbox_reference(of_type: ReferenceType, reference: ir.Value, c: UnboxContext) -> NativeValue:
     number = c.pyapi.object_getattr_string(reference, "_address")
     address = c.unbox(types.int64, number).value
     c.pyapi.decref(number)
@@ -165,13 +175,19 @@ def _unbox_reference(of_type: Any, reference: Any, c: Any) -> Any:
 class _FieldTypes(AttributeTemplate):
     key = ReferenceType
 
-    def generic_resolve(self, reference: Any, name: str) -> Any:  # type: ignore[override]
+    def generic_resolve(self, reference: ReferenceType, name: str) -> types.Type | None:  # type: ignore[override]
         fields = reference.to.fields
         return reference.to.types[fields.index(name)] if name in fields else None
 
 
 @lower_getattr_generic(ReferenceType)
-def _read_field(context: Any, builder: Any, reference: Any, address: Any, name: str) -> Any:
+def _read_field(
+    context: BaseContext,
+    builder: ir.IRBuilder,
+    reference: ReferenceType,
+    address: ir.Value,
+    name: str,
+) -> ir.Value:
     to = reference.to
     at = to.fields.index(name)
     place = builder.inttoptr(address, context.get_data_type(to).as_pointer())
@@ -181,7 +197,7 @@ def _read_field(context: Any, builder: Any, reference: Any, address: Any, name: 
     return impl_ret_borrowed(context, builder, kind, value)
 
 
-def _read_parts(builder: Any, place: Any) -> Any:
+def _read_parts(builder: ir.IRBuilder, place: ir.Value) -> ir.Value:
     """Read a value number by number, each as one that never changes: what is not used goes."""
     kind = place.type.pointee
     if isinstance(kind, ir.LiteralStructType | ir.ArrayType):

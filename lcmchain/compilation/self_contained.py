@@ -10,8 +10,6 @@ private to the code they stand in. What a function computes is then decided by i
 
 from __future__ import annotations
 
-from typing import Any
-
 from numba.core.codegen import CPUCodeLibrary
 
 #: Numba's pass that removes counting of references knows these by name; they compute nothing.
@@ -26,7 +24,7 @@ def keep_code_self_contained() -> None:
     """
     optimize = CPUCodeLibrary._optimize_final_module
 
-    def optimize_private(self: Any) -> None:
+    def optimize_private(self: CPUCodeLibrary) -> None:
         for function in self._final_module.functions:
             copied = not function.is_declaration and function.linkage.name == "linkonce_odr"
             if copied and not function.name.startswith(COUNTING):

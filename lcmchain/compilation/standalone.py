@@ -17,20 +17,28 @@ import hashlib
 import importlib
 from collections.abc import Callable
 from copy import copy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.base import user_function
-from numba.core.codegen import JITCodeLibrary
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler
+from numba.core.cpu import CPUContext
 
 from lcmchain.compilation.compiled_parts import PartDispatcher, PartEntry, PartLibrary
 from lcmchain.compilation.references import ReferenceType
 
+if TYPE_CHECKING:  # numba may move what it does not publish
+    from numba.core.codegen import CodeLibrary
+    from numba.core.typing.context import Context
+
 PREFIX = "lcmchain.standalone."
 CALLER = "caller"  # kinds of what is kept on disk, beside numba's own
 STANDALONE = "standalone"
+
+#: Returns what is kept of a library on disk.
+Serialize = Callable[[CPUCodeLibrary], tuple]
 
 #: Standalone functions of this process, by their names for the linker.
 _known: dict[str, tuple[StandaloneDispatcher, tuple[Any, ...]]] = {}
@@ -43,7 +51,7 @@ class StandaloneLibrary(JITCodeLibrary):
 
     only_linked = True  # Python has no entry to it
 
-    def serialize_using_object_code(self) -> Any:
+    def serialize_using_object_code(self) -> tuple:
         data = self._get_compiled_object(), self._get_module_for_linking().as_bitcode()
         return with_what_it_calls(self, (self.name, STANDALONE, data))
 
@@ -51,7 +59,13 @@ class StandaloneLibrary(JITCodeLibrary):
 class StandaloneCompiler(Compiler):
     """Numba's compiler, which makes the library of a standalone function."""
 
-    def __init__(self, typingctx: Any, targetctx: Any, library: Any, *others: Any) -> None:
+    def __init__(
+        self,
+        typingctx: Context,
+        targetctx: CPUContext,
+        library: CodeLibrary | None,
+        *others: object,
+    ) -> None:
         library = StandaloneLibrary(targetctx.codegen(), f"{STANDALONE}_{id(self)}")
         library.enable_object_caching()
         super().__init__(typingctx, targetctx, library, *others)
@@ -85,7 +99,7 @@ class StandaloneDispatcher(PartDispatcher):
         return f"{PREFIX}{function.__name__}.{digest}"
 
 
-def _described(arguments: Any) -> str:
+def _described(arguments: types.Type | tuple) -> str:
     """Describe types of arguments so that no two of them read alike."""
     if isinstance(arguments, ReferenceType):
         return f"&{_described(arguments.to)}"
@@ -100,7 +114,9 @@ def know_standalone_code() -> None:
     """Let numba keep and read standalone functions and their callers; before any is compiled."""
     unserialize = JITCodeLibrary._unserialize.__func__  # type: ignore[attr-defined]
 
-    def unserialize_library(cls: Any, codegen: Any, state: Any) -> Any:
+    def unserialize_library(
+        cls: type[JITCodeLibrary], codegen: JITCPUCodegen, state: Any
+    ) -> JITCodeLibrary:
         name, kind, data = state
         if kind == CALLER:
             called, state = data
@@ -118,8 +134,8 @@ def know_standalone_code() -> None:
         codegen._engine._load_defined_symbols(library._shared_module)
         return library
 
-    def with_calls(serialize: Any) -> Any:
-        def serialize_with_calls(self: Any) -> Any:
+    def with_calls(serialize: Serialize) -> Serialize:
+        def serialize_with_calls(self: CPUCodeLibrary) -> tuple:
             return with_what_it_calls(self, serialize(self))
 
         return serialize_with_calls
@@ -130,7 +146,7 @@ def know_standalone_code() -> None:
     JITCodeLibrary._unserialize = classmethod(unserialize_library)  # type: ignore[method-assign, assignment]
 
 
-def with_what_it_calls(library: Any, state: Any) -> Any:
+def with_what_it_calls(library: CPUCodeLibrary, state: tuple) -> tuple:
     """Return what is kept of a library, with the standalone functions that it calls."""
     called = []
     for function in library._final_module.functions:

@@ -52,7 +52,7 @@ def launch_before_compiled_code_is_loaded() -> None:
 
     rebuild = CompileResult._rebuild.__func__  # type: ignore[attr-defined]
 
-    def rebuild_after_launch(cls: Any, *content: Any) -> Any:
+    def rebuild_after_launch(cls: type[CompileResult], *content: Any) -> CompileResult:
         _launch_threads()
         return rebuild(cls, *content)
 

@@ -180,12 +180,9 @@ def picture_frame(
     simulation, recording = record(scene, test.supports(scene), progress=progress)
     (body,) = simulation.model.bodies
     pull, force = test.pull(scene), test.force(scene, recording)
-    still = np.isnan(force)
     curves = _curves(simulation, recording, net, pull, force)
     if material.resists_rates or cycles:
         curves["time [s]"] = recording.time[1::2]
-    # the way there, in cycles that of the first one
-    there = ~still & (recording.time[1::2] < (duration / (2 * cycles) if cycles else math.inf))
     frames = FrameSeries.from_snapshots(recording.snapshots[::4], ())
     energy = recording.energy
     return CouponResult(
@@ -197,10 +194,8 @@ def picture_frame(
             **({"then held": f"{1e3 * hold:g} ms"} if hold > 0.0 else {}),
         },
         curves=curves,
-        comparisons=(
-            *_of_way_there(curves, there, couples_shear(body.material)),
-            *_of_hold(curves, np.flatnonzero(still), recording.time[1::2] - duration),
-            *_of_way_back(curves, cycles),
+        comparisons=_comparisons(
+            curves, np.isnan(force), recording.time[1::2], duration, cycles, body.material
         ),
         draw=lambda path: _draw(path, curves, scene.title),
         datasets=build_datasets(scene, body.mesh, frames, material=body.material),
@@ -210,6 +205,27 @@ def picture_frame(
             "kinetic_to_internal_end": energy["kinetic"][-1] / energy["internal"][-1],
             "damping_to_external": energy["damping"][-1] / energy["external"][-1],
         },
+    )
+
+
+def _comparisons(
+    curves: dict[str, np.ndarray],
+    still: np.ndarray,
+    time: np.ndarray,
+    duration: float,
+    cycles: int,
+    material: Material,
+) -> tuple[Comparison, ...]:
+    """Compare the way there, the hold and the ways back with the law.
+
+    still : (T,) whether the frame stands, at times [s]. duration : of all ways [s].
+    """
+    # the way there, in cycles that of the first one
+    there = ~still & (time < (duration / (2 * cycles) if cycles else math.inf))
+    return (
+        *_of_way_there(curves, there, couples_shear(material)),
+        *_of_hold(curves, np.flatnonzero(still), time - duration),
+        *_of_way_back(curves, cycles),
     )
 
 

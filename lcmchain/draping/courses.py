@@ -6,10 +6,7 @@ of the course lies in the flat blank, and fibre 1 keeps its angle to it. On a pl
 developable surface strips then lie as they do in the flat blank; on a doubly curved one they do so
 at their start alone, and gaps open or overlaps grow along the joints.
 
-Gaps and overlaps: at every node of the upper edge of a course the nearest point of the next one's
-lower edge is looked for, a line through its nodes. The distance is a gap where that point lies
-outside of the course, and an overlap, negative, where it lies inside. Between nodes the edges are
-chords: over a curved edge of radius R they lie up to h²/8R off, for the edge length h.
+Gaps and overlaps are measured as those of a formed sheet (:mod:`lcmchain.fields.courses`).
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from lcmchain.draping.net import ACCURACY, PLACED, UNREACHED, lay_start_line, un
 from lcmchain.draping.start import NetStart, SteeredLine, nearest_place, tangent_frame
 from lcmchain.draping.surface import ASKER, DrapedSurface
 from lcmchain.errors import InputError
-from lcmchain.fields.courses import mean_of_faces, signed_distance
+from lcmchain.fields.courses import ON_EDGE, edge_nodes, mean_of_faces, signed_distance
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.courses import strip_of
 from lcmchain.quantities.readable import millimetres
@@ -196,10 +193,6 @@ def _carried(
 # --- joints ---------------------------------------------------------------------------------------
 
 
-#: Parts of the bars' length: nodes nearer to the edge of a strip lie on it.
-ON_EDGE = 1e-6
-
-
 @dataclass(frozen=True)
 class Joint:
     """The joint between two courses, node by node along the upper edge of the first.
@@ -282,5 +275,4 @@ def _edge(net: LaidNet, at: float) -> np.ndarray:
     across = net.mesh.fibre_direction_2[0]
     heights = net.mesh.node_positions @ across
     length = min(float(bars.min()) for bars in net.net_lengths)
-    on_edge = np.flatnonzero(np.abs(heights - at) < ON_EDGE * length)
-    return on_edge[np.argsort(net.coordinates[on_edge, 0])]
+    return edge_nodes(net.coordinates[:, 0], heights, at, ON_EDGE * length)

@@ -6,7 +6,7 @@ forces.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -43,7 +43,7 @@ SheetElement = Annotated[
 ]
 
 
-def family_of(element: Any) -> type[Body]:
+def family_of(element: SheetElement) -> type[Body]:
     """Return the family that a scene's ``element`` table (or the like) chooses by its ``type``.
 
     Raises

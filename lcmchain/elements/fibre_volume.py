@@ -7,7 +7,7 @@ the fibres alike, and the compaction law knows nothing of the shear.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,8 +25,13 @@ CAUSE_OF_SHEAR = (
 )
 
 
-def initial_fibre_volume_fraction(material: Material, thickness: Any) -> Any:
+# A number for a number, an array for an array [m].
+Thickness = TypeVar("Thickness", float, np.ndarray)
+
+
+def initial_fibre_volume_fraction(material: Material, thickness: Thickness) -> Thickness:
     """Return areal mass / (fibre density · thickness [m]); of a material with a fibre density."""
+    assert material.fibre_density is not None
     return material.areal_mass / (material.fibre_density * thickness)
 
 

@@ -23,7 +23,7 @@ from lcmchain.mesh.sheet_mesh import SheetMesh
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Parts of the shortest edge: nodes nearer to the edge of a course lie on it.
+#: Parts of the shortest edge or bar: nodes nearer to the edge of a course lie on it.
 ON_EDGE = 1e-6
 #: Places of the nearest point beyond an end of the other edge, in parts of its last piece.
 BEYOND = 1e-6
@@ -53,13 +53,26 @@ def joint_nodes(mesh: SheetMesh) -> list[JointNodes]:
     of_courses = [np.unique(faces[mesh.course == n]) for n in range(mesh.course.max() + 1)]
 
     def at(nodes: np.ndarray, height: float) -> np.ndarray:
-        there = nodes[np.abs(across[nodes] - height) < tolerance]
-        return there[np.argsort(along[there])]
+        return nodes[edge_nodes(along[nodes], across[nodes], height, tolerance)]
 
     return [
         JointNodes(at(below, across[below].max()), at(above, across[above].min()))
         for below, above in zip(of_courses[:-1], of_courses[1:], strict=True)
     ]
+
+
+def edge_nodes(
+    along: np.ndarray, across: np.ndarray, height: float, tolerance: float
+) -> np.ndarray:
+    """Return which nodes of a strip lie on its edge at a height across fibre 1, along fibre 1.
+
+    Parameters
+    ----------
+    along, across : coordinates of the nodes in the flat blank [m], shape (n,).
+    height, tolerance : of the edge [m].
+    """
+    there = np.flatnonzero(np.abs(across - height) < tolerance)
+    return there[np.argsort(along[there])]
 
 
 def joint_gaps(mesh: SheetMesh, positions: np.ndarray) -> np.ndarray:

@@ -270,19 +270,8 @@ def identify_off_axis(
     InputError : angles beyond 0 to 90°, too few of them, or no force.
     FitRefusedError : the law does not describe the data, and ``accept`` is not given.
     """
-    wrong = np.flatnonzero((data["angle"] < 0.0) | (data["angle"] > 0.5 * math.pi + 1e-9))
-    if wrong.size:
-        raise data.wrong("angle", wrong[0], "lies outside 0 to 90 deg from the pull")
-    data = data.keep(data["displacement"] > 0.0)
+    data = _loaded_rows(data)
     angles = tested_angles(data["angle"])
-    if len(data.lines) < MINIMUM_ROWS or len(angles) < 2:
-        raise InputError(
-            f"has {len(data.lines)} rows of {len(angles)} angles: at least {MINIMUM_ROWS} of two "
-            "are needed to tell shear from what is across the fibres; test at 30, 45 and 60 deg",
-            file=data.file,
-        )
-    if np.sum(data["force"]) <= 0.0:
-        raise InputError("the force is not positive; tension counts as positive", file=data.file)
     strips = Strips(
         data["angle"], 1.0 + data["displacement"] / length, data["force"], width * thickness,
         data.specimen,
@@ -326,6 +315,24 @@ def identify_off_axis(
         else "",
     )
     return accepted(result, data.file, accept)
+
+
+def _loaded_rows(data: CouponData) -> CouponData:
+    """Return the rows of stretched strips; refuse what no law could be told from."""
+    wrong = np.flatnonzero((data["angle"] < 0.0) | (data["angle"] > 0.5 * math.pi + 1e-9))
+    if wrong.size:
+        raise data.wrong("angle", wrong[0], "lies outside 0 to 90 deg from the pull")
+    data = data.keep(data["displacement"] > 0.0)
+    count = len(tested_angles(data["angle"]))
+    if len(data.lines) < MINIMUM_ROWS or count < 2:
+        raise InputError(
+            f"has {len(data.lines)} rows of {count} angles: at least {MINIMUM_ROWS} of two "
+            "are needed to tell shear from what is across the fibres; test at 30, 45 and 60 deg",
+            file=data.file,
+        )
+    if np.sum(data["force"]) <= 0.0:
+        raise InputError("the force is not positive; tension counts as positive", file=data.file)
+    return data
 
 
 def tested_angles(angle: np.ndarray) -> np.ndarray:

@@ -109,26 +109,24 @@ def identify_shear(
         data, angle, COEFFICIENT_COUNT, loads="forces", places="shear angles", test="pull"
     )
     factor = {"engineering": 2.0, "tensor": 1.0}[convention]
+    share = 0.5 if method == "printed" else 1.0
     design = force_design(specimen, angle, factor)
     secant = mean_secant(design, force)
     if secant <= 0.0:
         raise InputError("the force is not positive; tension counts as positive", file=data.file)
     rising = rising_stress(secant)
-    share = 0.5 if method == "printed" else 1.0
-
     fit_force = partial(fit_linear, design, floor=noise_floor)
-    fit_once = fit_force
-    if method != "force":
-        fit_once = partial(_fit_stress, data, specimen, design, factor, share, floor=noise_floor)
+    fit_stress = partial(_fit_stress, data, specimen, design, factor, share, floor=noise_floor)
+    fit_once = fit_force if method == "force" else fit_stress
     free, fit = fit_once(force), fit_once(force, at_least=rising)
-    # The direct fit tells the scatter of the force: the printed equation is not its inverse, so
-    # that its curve is not meant to meet the data.
-    direct = free if method == "force" else fit_force(force)
     judgement = _judge(data, specimen, angle, design, rising, noise_floor)
     spread: _LinearSpread | _BootstrapSpread
     if method == "force" or judgement.lack.blocks is not None:
         spread = _LinearSpread(replace(free, blocks=judgement.lack.blocks))
     else:
+        # The direct fit tells the scatter of the force: the printed equation is not its inverse,
+        # so that its curve is not meant to meet the data.
+        direct = fit_force(force)
         spread = _BootstrapSpread(
             fit_once, direct.model, direct.scale * direct.noise_scale, free.parameters,
             bootstrap_count, seed,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
 from lcmchain.manual.tables import code, markdown_table
 
@@ -15,7 +15,34 @@ run that failed or was stopped.
 """
 
 
-def command_page(root: Any) -> str:
+class Parameter(Protocol):
+    """What the page reads of an argument or option; ``opts`` are the spellings of an option."""
+
+    param_type_name: str
+    name: str
+    metavar: str | None
+    opts: Sequence[str]
+    is_flag: bool
+    required: bool
+    default: object
+    help: str | None
+
+
+class Command(Protocol):
+    """What the page reads of a command."""
+
+    help: str
+    params: Sequence[Parameter]
+
+
+@runtime_checkable
+class Group(Protocol):
+    """What the page reads of a group of commands."""
+
+    commands: Mapping[str, Command | Group]
+
+
+def command_page(root: Group) -> str:
     """Return the page as Markdown; ``root`` is the group of all commands."""
     parts = [HEAD]
     for name, command in leaf_commands(root, "lcmchain"):
@@ -28,16 +55,16 @@ def command_page(root: Any) -> str:
     return "\n".join(parts)
 
 
-def leaf_commands(group: Any, name: str) -> Iterator[tuple[str, Any]]:
+def leaf_commands(group: Group, name: str) -> Iterator[tuple[str, Command]]:
     """Yield the full name and the command of everything that can be called."""
     for part, command in group.commands.items():
-        if hasattr(command, "commands"):
+        if isinstance(command, Group):
             yield from leaf_commands(command, f"{name} {part}")
         else:
             yield f"{name} {part}", command
 
 
-def _usage(name: str, command: Any) -> str:
+def _usage(name: str, command: Command) -> str:
     words = [name]
     for parameter in command.params:
         if parameter.param_type_name == "argument":
@@ -49,7 +76,7 @@ def _usage(name: str, command: Any) -> str:
     return " ".join(words)
 
 
-def _row(parameter: Any) -> tuple[str, str, str]:
+def _row(parameter: Parameter) -> tuple[str, str, str]:
     if parameter.param_type_name == "argument":
         return code(_value_name(parameter)), _default(parameter), parameter.help or ""
     names = ", ".join(parameter.opts)
@@ -57,11 +84,11 @@ def _row(parameter: Any) -> tuple[str, str, str]:
     return code(names + value), _default(parameter), parameter.help or ""
 
 
-def _value_name(parameter: Any) -> str:
+def _value_name(parameter: Parameter) -> str:
     return parameter.metavar or parameter.name.upper()
 
 
-def _default(parameter: Any) -> str:
+def _default(parameter: Parameter) -> str:
     if parameter.required:
         return "required"
     if getattr(parameter, "is_flag", False) or parameter.default in (None, ()):

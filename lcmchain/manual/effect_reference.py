@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 from lcmchain.effects.effect import Switch
@@ -50,11 +51,11 @@ def effect_page() -> str:
     return HEAD + markdown_table(COLUMNS, rows)
 
 
-def _row(file: Any) -> tuple[str, ...]:
+def _row(file: ModuleType) -> tuple[str, ...]:
     switch: Switch = file.SWITCH
     return (
         code(key_of(file)),
-        _first_sentence(file.__doc__),
+        _first_sentence(file.__doc__ or ""),
         switch.entry,
         switch.without,
         _answer(switch.off, switch.unless),

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from lcmchain.atomic import replacing
-from lcmchain.manual.command_reference import command_page
+from lcmchain.manual.command_reference import Group, command_page
 from lcmchain.manual.contents import FOLDER
 from lcmchain.manual.effect_reference import effect_page
 from lcmchain.manual.field_reference import field_page
@@ -14,7 +13,7 @@ from lcmchain.manual.preset_reference import preset_page
 from lcmchain.manual.scene_reference import scene_page
 
 
-def generated_pages(root: Any) -> dict[str, str]:
+def generated_pages(root: Group) -> dict[str, str]:
     """Return the Markdown of every generated page by topic; ``root`` is the group of commands."""
     return {
         "scene-reference": scene_page(),
@@ -25,7 +24,7 @@ def generated_pages(root: Any) -> dict[str, str]:
     }
 
 
-def write_generated_pages(root: Any) -> list[Path]:
+def write_generated_pages(root: Group) -> list[Path]:
     """Write the generated pages beside this file and return their paths."""
     files = []
     for topic, text in generated_pages(root).items():

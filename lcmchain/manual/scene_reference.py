@@ -16,6 +16,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from lcmchain.manual.tables import code, markdown_table
+from lcmchain.quantities.entry_types import Number, Quantity, Row
 from lcmchain.scene import Scene
 
 HEAD = """# Scene reference
@@ -124,14 +125,14 @@ def _chooser(field: FieldInfo) -> str:
     return next((str(extra.discriminator) for extra in extras if _chooses(extra)), "")
 
 
-def _chooses(extra: Any) -> bool:
+def _chooses(extra: object) -> bool:
     return getattr(extra, "discriminator", None) is not None
 
 
 # --- one entry ------------------------------------------------------------------------------------
 
 
-def _value(annotation: Any, field: FieldInfo | None = None) -> str:
+def _value(annotation: object, field: FieldInfo | None = None) -> str:
     """Say what may be written: kind of quantity, example, range, choices."""
     extras = [*_extras(annotation), *(field.metadata if field is not None else [])]
     bare = _bare(annotation)
@@ -189,17 +190,17 @@ def meaning_of(field: FieldInfo) -> str:
     return _sentence(models[0]) if len(models) == 1 else ""
 
 
-def _is_absent(extra: Any) -> bool:
+def _is_absent(extra: object) -> bool:
     return type(extra).__name__ == "AbsentMeans"
 
 
-def _count(row: Any) -> str:
+def _count(row: Row) -> str:
     if row.count is not None:
         return f"{row.count} {row.entries}"
     return f"{row.minimum_count} or more {row.entries}" if row.minimum_count else row.entries
 
 
-def _range(extra: Any) -> str:
+def _range(extra: Quantity | Number) -> str:
     words = "" if extra.allowed == type(extra.allowed)() else str(extra.allowed)
     words = words.replace("not be ", "not ").removeprefix("be ")
     return f", {words}" if words else ""
@@ -214,7 +215,7 @@ def _forms_text(models: list[type[BaseModel]], field: FieldInfo | None) -> str:
     return f"{table} {code(chooser)} is " + " or ".join(code(f'"{value}"') for value in values)
 
 
-def _inner_unit(annotation: Any) -> str:
+def _inner_unit(annotation: object) -> str:
     """Return the SI unit of the single values of a row, where they are quantities."""
     for part in get_args(annotation):
         for extra in _extras(part):
@@ -226,7 +227,7 @@ def _inner_unit(annotation: Any) -> str:
     return ""
 
 
-def _inner_range(annotation: Any) -> str:
+def _inner_range(annotation: object) -> str:
     """Return the range of the single values of a row, where they have one."""
     for part in get_args(annotation):
         for extra in _extras(part):
@@ -239,7 +240,7 @@ def _sentence(model: type[BaseModel]) -> str:
     return " ".join((model.__doc__ or "").split("\n\n")[0].split())
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -252,7 +253,7 @@ def _toml(value: Any) -> str:
 # --- types ----------------------------------------------------------------------------------------
 
 
-def _bare(annotation: Any) -> Any:
+def _bare(annotation: object) -> object:
     """Return a type without annotations, and without None."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
@@ -262,11 +263,11 @@ def _bare(annotation: Any) -> Any:
     return annotation
 
 
-def _is_list(annotation: Any) -> bool:
+def _is_list(annotation: object) -> bool:
     return get_origin(_bare(annotation)) is tuple
 
 
-def _extras(annotation: Any) -> list[Any]:
+def _extras(annotation: object) -> list[Any]:
     """Return what a type is annotated with, the innermost first."""
     if get_origin(annotation) is Annotated:
         inner, *extras = get_args(annotation)
@@ -276,7 +277,7 @@ def _extras(annotation: Any) -> list[Any]:
     return []
 
 
-def _models_of(annotation: Any) -> list[type[BaseModel]]:
+def _models_of(annotation: object) -> list[type[BaseModel]]:
     """Return the tables that a type consists of."""
     bare = _bare(annotation)
     if isinstance(bare, type) and issubclass(bare, BaseModel):
@@ -288,5 +289,5 @@ def _models_of(annotation: Any) -> list[type[BaseModel]]:
     return []
 
 
-def _choices(annotation: Any) -> tuple[str, ...]:
+def _choices(annotation: object) -> tuple[str, ...]:
     return get_args(annotation) if get_origin(annotation) is Literal else ()

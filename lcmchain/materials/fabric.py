@@ -521,8 +521,9 @@ class Fabric:
         C_B, h = self.bending_matrix(), np.asarray(height)
         S, C = E @ C_B.T, np.broadcast_to(C_B, (*E.shape, 6)).copy()
         excess = np.zeros(E.shape[:-1])
+        bent: Any = self.law  # the twin that bends by curves
         for i in (0, 1):
-            curve = self.law.curves[i * SIZE : (i + 1) * SIZE]
+            curve = bent.curves[i * SIZE : (i + 1) * SIZE]
             size, slope = curve_response(curve, E[..., i] / h)
             S[..., i], C[..., i, i] = h * size, slope
             excess += 2.0 * h * h * curve_energy(curve, E[..., i] / h) - S[..., i] * E[..., i]

@@ -101,6 +101,10 @@ class Remembered(NamedTuple):
     meaning: str
 
 
+#: The parameters of a law: a NamedTuple, whose class chooses what compiled code does.
+Law = tuple[Any, ...]
+
+
 class Step(NamedTuple):
     """The step at whose end a law is asked.
 
@@ -390,7 +394,7 @@ class Material(Protocol):
     couples_thickness : whether C^B couples the normal stress 33 with other strains than 33.
     """
 
-    law: Any
+    law: Any  # of the material's own class of laws
     name: str
     thickness: float
     areal_mass: float

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from lcmchain.dispatch import implements, inherit
+from lcmchain.dispatch import Dispatched, implements, inherit
 
 #: The module that offers the twins that are made on demand: it knows all laws of the package.
 HOME = "lcmchain.materials.laws"
@@ -33,6 +33,9 @@ TOLD = (
     "bending_elements",
     "bending_resists_rates",
 )
+
+#: A law, or its twin, which has all that the law has.
+LawOrTwin = TypeVar("LawOrTwin", bound=tuple[Any, ...])
 
 Maker = Callable[[re.Match[str], type], type]
 
@@ -51,7 +54,7 @@ def twin_of(
     *,
     about: str,
     entries: Iterable[tuple[str, type]] = (),
-    answers: Mapping[Callable[..., Any], Callable[..., Any]],
+    answers: Mapping[Dispatched, Callable[..., Any]],
 ) -> Any:
     """Return the twin of a class of laws; it answers all that the class answers so far.
 

@@ -11,7 +11,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 import numpy as np
 import shapely
@@ -30,6 +30,10 @@ from lcmchain.quantities.entry_types import (
     Text,
 )
 from lcmchain.quantities.units import length_factor
+
+if TYPE_CHECKING:  # the library takes longer than other scenes take to be read
+    from ezdxf.document import Drawing as Document
+    from ezdxf.math import Vec3
 
 #: Largest turn from one side of an arc to the next; corners of the outline turn by more.
 LARGEST_TURN = math.radians(10.0)
@@ -151,7 +155,22 @@ def read_drawing(
     )
 
 
-def _document(path: Path) -> Any:
+class Entity(Protocol):
+    """What is read of an entity of a drawing: a curve of some kind, or a block.
+
+    ``dxf`` holds its attributes by their names in DXF. Each kind has those of the methods that are
+    asked for of it.
+    """
+
+    @property
+    def dxf(self) -> Any: ...
+    def dxftype(self) -> str: ...
+    def virtual_entities(self) -> Iterable[Entity]: ...
+    def flattening(self, distance: float, segments: int) -> Iterable[Vec3]: ...
+    def vertices(self, angles: Iterable[float]) -> Iterable[Vec3]: ...
+
+
+def _document(path: Path) -> Document:
     """Open a drawing, whatever its ending."""
     # Imported where a blank is drawn: the library takes longer than other scenes take to be read.
     try:
@@ -181,7 +200,7 @@ def _document(path: Path) -> Any:
         raise InputError(f"cannot be read as a DXF drawing: {error}", file=path) from None
 
 
-def _unit(document: Any, length_unit: str | None, path: Path) -> float:
+def _unit(document: Document, length_unit: str | None, path: Path) -> float:
     """Metres to a unit of the drawing."""
     if length_unit is not None:
         return length_factor(length_unit)
@@ -196,7 +215,7 @@ def _unit(document: Any, length_unit: str | None, path: Path) -> float:
     )
 
 
-def _entities(space: Iterable[Any], depth: int, path: Path) -> Iterator[Any]:
+def _entities(space: Iterable[Any], depth: int, path: Path) -> Iterator[Entity]:
     """Entities of a drawing, those of blocks in their place."""
     for entity in space:
         if entity.dxftype() == "INSERT":
@@ -212,11 +231,11 @@ def _entities(space: Iterable[Any], depth: int, path: Path) -> Iterator[Any]:
             yield entity
 
 
-def _is_on(entity: Any, layer: str) -> bool:
+def _is_on(entity: Entity, layer: str) -> bool:
     return str(entity.dxf.layer).lower() == layer.lower()
 
 
-def _left_out(entities: Iterable[Any]) -> str:
+def _left_out(entities: Iterable[Entity]) -> str:
     """Say which entities have no contour."""
     count = Counter(entity.dxftype() for entity in entities if entity.dxftype() not in CURVES)
     return ", ".join(f"{number} {kind}" for kind, number in sorted(count.items()))
@@ -225,7 +244,7 @@ def _left_out(entities: Iterable[Any]) -> str:
 # --- curves ---------------------------------------------------------------------------------------
 
 
-def _curve(entity: Any, factor: float, sagitta: float, path: Path) -> Curve:
+def _curve(entity: Entity, factor: float, sagitta: float, path: Path) -> Curve:
     """Return an entity as a polyline [m]."""
     points = np.array([tuple(point) for point in _points(entity, sagitta / factor)], dtype=float)
     points = points.reshape(-1, 3) * factor
@@ -246,7 +265,7 @@ def _curve(entity: Any, factor: float, sagitta: float, path: Path) -> Curve:
     return Curve(points[:, :2], (handle,), str(entity.dxf.layer))
 
 
-def _points(entity: Any, sagitta: float) -> Iterator[Any]:
+def _points(entity: Entity, sagitta: float) -> Iterator[Vec3]:
     """Corners of an entity, in the units of the drawing."""
     kind = entity.dxftype()
     if kind == "LINE":
@@ -269,7 +288,7 @@ def _points(entity: Any, sagitta: float) -> Iterator[Any]:
             last = points[-1]
 
 
-def _arc_points(entity: Any, sagitta: float) -> Iterator[Any]:
+def _arc_points(entity: Entity, sagitta: float) -> Iterator[Vec3]:
     """Corners of an arc or circle on it: sides turn by a bounded angle and leave a bounded gap."""
     if entity.dxftype() == "CIRCLE":
         first, way = 0.0, 360.0

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, field_validator
 
@@ -99,7 +99,7 @@ class Ply(Blank):
 
     @field_validator("element", mode="before")
     @classmethod
-    def _complete_element(cls, value: Any) -> Any:
+    def _complete_element(cls, value: object) -> object:
         return complete_element(value)
 
 

@@ -116,13 +116,13 @@ class PublishedFabric:
         ]
 
 
-def _at(model: Any, key: str) -> Any:
+def _at(model: object, key: str) -> Any:
     for step in key.split("."):
         model = getattr(model, step)
     return model
 
 
-def _text(value: Any) -> str:
+def _text(value: str | float) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 

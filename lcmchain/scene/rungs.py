@@ -9,14 +9,14 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from lcmchain.effects.switches import settings_of
-from lcmchain.elements.families import KinematicElement
+from lcmchain.elements.families import KinematicElement, SheetElement
 from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.scene.output import NO_FILM
 from lcmchain.scene.reading.explain import problems_of
 from lcmchain.scene.reading.read import OVERRIDE, input_error
-from lcmchain.scene.scene import Scene
+from lcmchain.scene.scene import Scene, SceneSource
 
 #: Every rung with its element, the cheapest first.
 RUNGS: Final[dict[str, Any]] = {
@@ -39,7 +39,7 @@ def rung_of(scene: Scene) -> str:
     return " and ".join(dict.fromkeys(map(_rung_of_element, scene.stack.elements.values())))
 
 
-def _rung_of_element(element: Any) -> str:
+def _rung_of_element(element: SheetElement) -> str:
     if element.type == "membrane-shell" and not element.bending:
         return "membrane"
     return element.type
@@ -173,7 +173,7 @@ def _without_stages(scene: Scene) -> tuple[tuple[Any, ...], list[str]]:
     return tuple(targets), dropped
 
 
-def _unknown_field(scene: Scene, element: Any) -> bool:
+def _unknown_field(scene: Scene, element: SheetElement) -> bool:
     """Tell whether a film shows a field that the elements do not predict."""
     field = scene.output.animation_field
     if field == "wrinkle_height":
@@ -181,7 +181,7 @@ def _unknown_field(scene: Scene, element: Any) -> bool:
     return field != "shear_angle" and not element.has_thickness
 
 
-def _source(scene: Scene, model: str, left_out: list[str], overrides: list[str]) -> Any:
+def _source(scene: Scene, model: str, left_out: list[str], overrides: list[str]) -> SceneSource:
     """Return where the scene came from, with what has changed as overrides of its text."""
     source = scene.source
     text = source.text

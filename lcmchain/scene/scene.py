@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
@@ -99,6 +99,10 @@ class SceneSource:
     defaulted: list[tuple[str, str]] = field(default_factory=list)
     files: list[tuple[str, str]] = field(default_factory=list)
     left_out: tuple[str, ...] = ()
+
+
+#: A table with the edge length of elements.
+WithEdges = TypeVar("WithEdges", Blank, Ply)
 
 
 class Scene(SceneModel):
@@ -260,7 +264,7 @@ class Scene(SceneModel):
     def with_longer_edges(self, factor: float) -> Scene:
         """Return the scene with the edges of all elements longer by a factor."""
 
-        def longer(blank: Any) -> Any:
+        def longer(blank: WithEdges) -> WithEdges:
             return blank.model_copy(update={"edge_length": factor * blank.edge_length})
 
         plies = tuple(longer(ply) for ply in self.plies)
@@ -362,12 +366,14 @@ class Scene(SceneModel):
 
     @field_validator("material", mode="before")
     @classmethod
-    def _fill_preset(cls, value: Any) -> Any:
+    def _fill_preset(cls, value: object) -> object:
         return fill_preset(value)
 
     @field_validator("material")
     @classmethod
-    def _check_material(cls, material: Any, info: ValidationInfo) -> Any:
+    def _check_material(
+        cls, material: AnyMaterial | None, info: ValidationInfo
+    ) -> AnyMaterial | None:
         plies = info.data.get("plies")
         if material is None and plies is not None:
             without = [ply.name for ply in plies if ply.material is None]
@@ -382,7 +388,7 @@ class Scene(SceneModel):
 
     @field_validator("materials", mode="before")
     @classmethod
-    def _fill_presets(cls, tables: Any) -> Any:
+    def _fill_presets(cls, tables: object) -> object:
         if not isinstance(tables, dict):
             return tables
         filled = {}
@@ -397,12 +403,12 @@ class Scene(SceneModel):
 
     @field_validator("element", mode="before")
     @classmethod
-    def _complete_element(cls, value: Any) -> Any:
+    def _complete_element(cls, value: object) -> object:
         return complete_element(value)
 
     @field_validator("permeability", "infiltration", mode="before")
     @classmethod
-    def _allow_none(cls, value: Any) -> Any:
+    def _allow_none(cls, value: object) -> object:
         return None if value == NONE else value
 
     @field_validator("tools", "mapping", "pressure", "grippers", "stages")

@@ -18,6 +18,7 @@ from typing import Any, Protocol, overload
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 from lcmchain.elements.families import SheetElement
 from lcmchain.errors import InputError
@@ -119,7 +120,7 @@ class PlySettings:
         with self.own_keys():
             rim = outline_of(self.blank)[0]
 
-        def lying(points: Any) -> Any:
+        def lying(points: ArrayLike) -> tuple[tuple[float, ...], ...]:
             return tuple(map(tuple, (np.array(points) + np.array(self.center)).tolist()))
 
         cuts = {name: tuple(map(lying, cuts)) for name, cuts in self.blank.cuts.items()}
@@ -134,17 +135,17 @@ class PlySettings:
             return built
         return with_fibre_modulus(built, self.fibre_modulus_factor)
 
-    def build_blank(self, **options: Any) -> BlankMesh:
+    def build_blank(self, *, perturbation: float = 0.0, seed: int = 0) -> BlankMesh:
         """Mesh the ply with solid-shells, whatever its elements.
 
-        options : as for :func:`lcmchain.mesh.blank.build_blank`.
+        perturbation, seed : as for :func:`lcmchain.mesh.blank.build_blank`.
 
         Raises
         ------
         InputError : as :func:`lcmchain.mesh.blank.build_blank`; names the entry of this ply.
         """
         with self.own_keys():
-            mesh = build_blank(self.blank, self.thickness, **options)
+            mesh = build_blank(self.blank, self.thickness, perturbation=perturbation, seed=seed)
         if not any(self.center):
             return mesh
         return replace(mesh, node_positions=mesh.node_positions + [*self.center, 0.0])

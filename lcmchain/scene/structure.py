@@ -72,7 +72,7 @@ class Fibre(SceneModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_preset(cls, values: Any) -> Any:
+    def _fill_preset(cls, values: object) -> object:
         return filled(values, FIBRES)
 
     @model_validator(mode="after")
@@ -118,7 +118,7 @@ class Resin(SceneModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_preset(cls, values: Any) -> Any:
+    def _fill_preset(cls, values: object) -> object:
         return filled(values, RESINS)
 
     @property

@@ -91,11 +91,11 @@ class LoopArguments(NamedTuple):
     averaging : time over which the mean velocity is taken that damping leaves alone [s], or None.
     """
 
-    arrays: Any
-    bodies: tuple[Any, ...]
-    fibre_bending: Any
-    interactions: tuple[Any, ...]
-    environment: Any
+    arrays: Reference
+    bodies: tuple[Reference, ...]
+    fibre_bending: Reference | None
+    interactions: tuple[object, ...]
+    environment: Reference
     averaging: float | None
 
 
@@ -148,12 +148,12 @@ class OrderedBody(NamedTuple):
     """
 
     placed: PlacedBody
-    schedule: Any
+    schedule: Reference | None
     unscheduled: bool | None
-    slot_runs: Any
+    slot_runs: Reference
 
 
-def in_order(model: Model, batch_count: int) -> tuple[tuple[Any, ...], Any]:
+def in_order(model: Model, batch_count: int) -> tuple[tuple[Reference, ...], Reference | None]:
     """Return the bodies of a model for :func:`advance`, and the fibres' bending, by reference.
 
     Bodies of one kind are put together (:mod:`lcmchain.elements.solid_shell.together`).

@@ -20,6 +20,7 @@ from lcmchain.interfaces.change import change_interfaces
 from lcmchain.interfaces.in_frames import FRAME_ROWS, frame_of_points
 from lcmchain.interfaces.surfaces import InterfaceData
 from lcmchain.model import Model, build_model
+from lcmchain.scene.scene import Scene
 from lcmchain.solver import guards, histories, rest, stages
 from lcmchain.solver.interactions.contact_forces import find_near_nodes
 from lcmchain.solver.loop import Arrays, LoopArguments, advance, in_order
@@ -164,13 +165,13 @@ class Simulation:
         if model.stages and state is None:
             stages.begin_first(model, self.state)
         self.control = StepControl()
-        self._constants: tuple[Model, tuple[Any, ...], Any] | None = None
-        self._loop_arguments: Any = None
-        self._orders: dict[int, tuple[tuple[Any, ...], Any]] = {}
+        self._constants: tuple[Model, tuple[object, ...], Reference] | None = None
+        self._loop_arguments: Reference | None = None
+        self._orders: dict[int, tuple[tuple[Reference, ...], Reference | None]] = {}
         self._bind()
 
     @classmethod
-    def from_scene(cls, scene: Any) -> Simulation:
+    def from_scene(cls, scene: Scene) -> Simulation:
         """Build the simulation of a scene."""
         return cls(build_model(scene, pore_pressure=scene.wet_forming is not None))
 
@@ -510,7 +511,7 @@ class Simulation:
         return conditions
 
     @property
-    def arrays(self) -> Any:
+    def arrays(self) -> Reference:
         """What the compiled loops read and write, as long as no other state is restored."""
         return self._arrays
 
@@ -529,7 +530,7 @@ class Simulation:
     def _advance(self, step_count: int, step: float) -> None:
         advance(self._arguments(), step_count, float(step))
 
-    def _arguments(self) -> Any:
+    def _arguments(self) -> Reference:
         """Return what the loop works on, as long as model, arrays and threads are the present."""
         if self._constants is None or self._constants[0] is not self.model:
             interactions = in_places(tuple(map(Reference, self.model.interactions)))
@@ -546,7 +547,7 @@ class Simulation:
             )
         return given
 
-    def _ordered(self) -> tuple[tuple[Any, ...], Any]:
+    def _ordered(self) -> tuple[tuple[Reference, ...], Reference | None]:
         """Return the bodies with their orders of a step for the present threads.
 
         And the fibres' bending, whose blocks lie where these orders have them.

@@ -19,6 +19,7 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.model import Model
 from lcmchain.provenance import Fingerprint, forming_values
+from lcmchain.scene.scene import Scene
 from lcmchain.scene.stages import LISTS
 from lcmchain.solver.checkpoint import Checkpoint, FrameFile
 from lcmchain.state import SAMPLES, State
@@ -29,7 +30,7 @@ FROM = "--from"
 BY_STAGE = {"rest": 0, "tool_stopped": 1, "samples": 0}
 
 
-def written_values(scene: Any) -> dict[str, Any]:
+def written_values(scene: Scene) -> dict[str, Any]:
     """Return the tables of a scene that form the sheet, as they were written, in plain values."""
     values = forming_values(scene)
     for name, table in scene.as_written.items():
@@ -56,7 +57,7 @@ def values_until(values: dict[str, Any], stages: int) -> dict[str, Any]:
     return found
 
 
-def differing_keys(one: Any, other: Any, key: str = "") -> Iterator[str]:
+def differing_keys(one: object, other: object, key: str = "") -> Iterator[str]:
     """Yield the keys of what differs between two trees of plain values."""
     if isinstance(one, dict) and isinstance(other, dict):
         for name in dict.fromkeys((*one, *other)):
@@ -86,7 +87,7 @@ def model_digest(model: Model, stages: int) -> str:
     return digest.hexdigest()
 
 
-def require_border(checkpoint: Checkpoint, scene: Any, folder: Path) -> int:
+def require_border(checkpoint: Checkpoint, scene: Scene, folder: Path) -> int:
     """Return how many stages a checkpoint has behind it, all of which this scene has as well.
 
     Raises
@@ -165,7 +166,7 @@ def started_state(checkpoint: Checkpoint, model: Model, stages: int, folder: Pat
 
 def started(
     checkpoint: Checkpoint,
-    scene: Any,
+    scene: Scene,
     model: Model,
     fingerprint: Fingerprint,
     folders: tuple[Path, Path],

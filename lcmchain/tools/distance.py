@@ -27,7 +27,7 @@ FIELD = 3
 
 # Reading an array out of the table would count a reference up and down: with every array of the
 # table, more work than the distance. These functions keep no array, so they need no counting.
-_UNCOUNTED: Any = {
+_UNCOUNTED: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": FLOATING_POINT,
     "cache": True,

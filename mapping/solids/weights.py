@@ -70,10 +70,7 @@ def compute_solid_weights(
     ------
     InputError : a distance that is not positive.
     """
-    if maximum_distance is None:
-        maximum_distance = _default_solid_distance(sheet, target)
-    if not (np.isfinite(maximum_distance) and maximum_distance > 0.0):
-        raise InputError(f"maximum_distance has to be positive, not {maximum_distance} m")
+    maximum_distance = _solid_distance(sheet, target, maximum_distance)
     cells = solids_of_cells(target.points, target.corners)
     skin = skin_of(cells, merged_places(target.points, target.corners))
     columns = columns_of(sheet.surface, maximum_distance, sheet.plies)
@@ -107,13 +104,8 @@ def compute_solid_weights(
     formed = stack.thickness.copy()
     formed[beside.cell] = face_thickness[beside.face]
     solid = _solid_thickness(parts, formed, target.cell_count)
-    status = np.full(target.cell_count, Status.UNMAPPED, dtype=np.int8)
-    status[beside.cell] = Status.EXTRAPOLATED
-    status[volume > 0.0] = Status.EXTRAPOLATED
-    half = _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
-    whole = coverage >= COVERED
-    status[whole] = Status.PROJECTED
-    status[whole & (distance <= half)] = Status.INSIDE
+    within = distance <= _mean(half_thickness(sheet)[parts.face], parts, target.cell_count)
+    status = _status(volume > 0.0, beside.cell, coverage >= COVERED, within)
     status[walls.undecided] = Status.AMBIGUOUS
     taken = np.bincount(parts.face, minlength=sheet.surface.face_count) > 0
     return MappingWeights(
@@ -140,6 +132,23 @@ def compute_solid_weights(
         formed_thickness=formed,
         ply_coverage=by_ply if sheet.is_stack else np.zeros((0, 0)),
     )
+
+
+def _status(
+    reached: np.ndarray, beside: np.ndarray, covered: np.ndarray, within: np.ndarray
+) -> np.ndarray:
+    """Return the status of cells (C,), from those far away to those within the sheet.
+
+    reached, covered : whether any of the sheet is in a cell, or all of the cell is, shape (C,).
+    beside : numbers of cells without an overlap that lie near enough.
+    within : whether a cell lies in the sheet as thick as it is, shape (C,).
+    """
+    status = np.full(len(reached), Status.UNMAPPED, dtype=np.int8)
+    status[beside] = Status.EXTRAPOLATED
+    status[reached] = Status.EXTRAPOLATED
+    status[covered] = Status.PROJECTED
+    status[covered & within] = Status.INSIDE
+    return status
 
 
 class _Beside(NamedTuple):
@@ -170,8 +179,12 @@ def _beside(
     return _Beside(alone[near], face, place, closest.distance[near])
 
 
-def _default_solid_distance(sheet: Sheet, target: TargetMesh) -> float:
+def _solid_distance(sheet: Sheet, target: TargetMesh, given: float | None) -> float:
     """Distance [m] up to which a solid cell and the sheet count as the same part."""
+    if given is not None:
+        if not (np.isfinite(given) and given > 0.0):
+            raise InputError(f"maximum_distance has to be positive, not {given} m")
+        return given
     distance = default_maximum_distance(sheet, target)
     if "thickness" not in sheet.scalars:
         return distance

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from lcmchain.fields import FrameSeries
-from lcmchain.fields.dataset import LaidSheet, SheetFrames, sheets_datasets
-from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.scene import scene_from_text
 
 SHEET = """
@@ -37,32 +34,11 @@ def onto_dome(flat: np.ndarray, level: float) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def laid():
+def laid(placed_by_hand):
     """Make the groups of a result whose plies lie flat, then on the dome."""
 
     def make(scene):
-        stack, sheets, positions = scene.stack, {}, []
-        for ply in stack:
-            mesh, material = MidSurfaceMesh.of_blank(ply.build_blank()), ply.built_material()
-            flat = mesh.node_positions
-            both = np.stack([flat, onto_dome(flat, stack[0].blank.height)])
-            thickness = np.full((2, mesh.element_count), material.thickness)
-            thickness[1] *= 0.9
-            none = np.empty((2, 0, mesh.element_count))
-            given = {"thickness": thickness}
-            if material.fibre_density is not None:
-                fraction = material.areal_mass / (material.fibre_density * thickness)
-                given["fibre_volume_fraction"] = fraction
-            sheets[ply.name] = SheetFrames(
-                LaidSheet(mesh, material), both, none, given, None, None, np.nan
-            )
-            positions.append(both)
-        frames = FrameSeries(
-            time=np.array([0.0, scene.process.time]),
-            positions=np.concatenate(positions, axis=1),
-            tool_travel=np.zeros((2, 0)),
-            tool_force=np.zeros((2, 0, 3)),
-        )
-        return sheets_datasets(scene, sheets, frames)
+        level = scene.stack[0].blank.height
+        return placed_by_hand(scene, lambda mesh: onto_dome(mesh.node_positions, level), 0.9)
 
     return make

@@ -13,9 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from lcmchain.check import check_scene
 from lcmchain.draping import drape
 from lcmchain.errors import InputError
-from lcmchain.fields import FrameSeries
 from lcmchain.fields.courses import joint_gaps, joint_nodes, joint_widths
-from lcmchain.fields.dataset import LaidSheet, SheetFrames, sheets_datasets
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.mapping import MappingOptions, map_file
@@ -195,34 +193,21 @@ def test_a_strip_that_lifts_has_a_gap_and_one_that_slides_along_has_none():
     assert np.allclose(gaps[second], 2e-3, atol=1e-12)
 
 
-def laid_by_hand(scene, *ways):
-    """Groups of a result whose courses lie flat, then shifted."""
-    sheets, positions = {}, []
-    for ply in scene.stack:
-        mesh, material = MidSurfaceMesh.of_blank(ply.build_blank()), ply.built_material()
-        both = np.stack([mesh.node_positions, moved_strips(mesh, *ways)])
-        thickness = np.full((2, mesh.element_count), material.thickness)
-        fraction = material.areal_mass / (material.fibre_density * thickness)
-        given = {"thickness": thickness, "fibre_volume_fraction": fraction}
-        none = np.empty((2, 0, mesh.element_count))
-        sheets[ply.name] = SheetFrames(
-            LaidSheet(mesh, material), both, none, given, None, None, np.nan
-        )
-        positions.append(both)
-    frames = FrameSeries(
-        time=np.array([0.0, scene.process.time]),
-        positions=np.concatenate(positions, axis=1),
-        tool_travel=np.zeros((2, 0)),
-        tool_force=np.zeros((2, 0, 3)),
-    )
-    return sheets_datasets(scene, sheets, frames)
+@pytest.fixture
+def shifted(placed_by_hand):
+    """Make the groups of a result whose courses lie flat, then shifted."""
+
+    def make(scene, *ways):
+        return placed_by_hand(scene, lambda mesh: moved_strips(mesh, *ways))
+
+    return make
 
 
 WAYS = ((0, -3e-3, 0), (0, 0, 0), (0, -2e-3, 0))
 
 
-def test_a_result_tells_courses_gaps_and_overlaps():
-    sheet = laid_by_hand(scene_of(), *WAYS)["/"]
+def test_a_result_tells_courses_gaps_and_overlaps(shifted):
+    sheet = shifted(scene_of(), *WAYS)["/"]
     assert sheet["course"].attrs["flag_meanings"] == "strip_1 strip_2 strip_3"
     assert [(sheet["course"].values[-1] == n).sum() for n in range(3)] == [300, 150, 270]
     open_, lapped = joint_widths(sheet)
@@ -235,8 +220,8 @@ def test_a_result_tells_courses_gaps_and_overlaps():
     assert joint_warnings(sheet, 2.1e-3) == []
 
 
-def test_a_stack_tells_them_for_each_ply():
-    groups = laid_by_hand(scene_of(JOINTS, 'layup="[0/90, 90/0]"'), *WAYS)
+def test_a_stack_tells_them_for_each_ply(shifted):
+    groups = shifted(scene_of(JOINTS, 'layup="[0/90, 90/0]"'), *WAYS)
     assert "course" not in groups["/"] and "joint_gap" not in groups["/"]
     widths = joint_widths(ply_sheet(groups, "ply_1"))
     assert [joint.most for joint in widths] == pytest.approx([3e-3, -2e-3])
@@ -257,8 +242,8 @@ def mapped_over(groups, folder, **options):
 
 
 @pytest.mark.parametrize("gap", [3e-3, 0.4e-3])
-def test_an_open_joint_covers_nothing_of_a_mesh(gap, tmp_path):
-    groups = laid_by_hand(scene_of(), (0, -gap, 0), (0, 0, 0), (0, 0, 0))
+def test_an_open_joint_covers_nothing_of_a_mesh(gap, shifted, tmp_path):
+    groups = shifted(scene_of(), (0, -gap, 0), (0, 0, 0), (0, 0, 0))
     middle, mapped = mapped_over(groups, tmp_path)
     over = np.clip(middle + 0.5, None, -4.0) - np.clip(middle - 0.5, -4.0 - 1e3 * gap, None)
     assert np.allclose(mapped["mapping_coverage"], 1.0 - np.clip(over, 0.0, 1.0), atol=1e-9)
@@ -267,8 +252,8 @@ def test_an_open_joint_covers_nothing_of_a_mesh(gap, tmp_path):
     assert np.allclose(mapped["areal_fibre_mass"], full, rtol=1e-9)
 
 
-def test_cells_further_from_the_strips_than_is_allowed_are_unmapped(tmp_path):
-    groups = laid_by_hand(scene_of(), (0, -3e-3, 0), (0, 0, 0), (0, 0, 0))
+def test_cells_further_from_the_strips_than_is_allowed_are_unmapped(shifted, tmp_path):
+    groups = shifted(scene_of(), (0, -3e-3, 0), (0, 0, 0), (0, 0, 0))
     middle, mapped = mapped_over(groups, tmp_path, maximum_distance=1e-4)
     in_gap = (middle > -7.0) & (middle < -4.0)
     assert np.array_equal(np.isnan(mapped["areal_fibre_mass"].values), in_gap)

@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml, unpack
@@ -35,6 +34,7 @@ from lcmchain.coupling.cosimulation.start_values import configure
 from lcmchain.coupling.cosimulation.system_file import System, system_from
 from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
+from lcmchain.scene.reading.overrides import TomlTable
 
 #: Type of the annotation that holds, as JSON, the settings that SSP cannot express.
 ANNOTATION = "lcmchain.cosimulation"
@@ -100,7 +100,7 @@ def _system(
     return system
 
 
-def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[str, Any], Structure]:
+def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[TomlTable, Structure]:
     """Return the tables of a system's file and the structure that they are made from."""
     root = _load(folder, name, path)
     structure = read_structure(root, lambda name: _load(folder, name, path))
@@ -112,7 +112,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     }
     descriptions = {place: by_source[source] for place, source in structure.sources.items()}
     kept = _annotation(root)
-    data: dict[str, Any] = {"title": root.get("name") or "Co-simulation"}
+    data: TomlTable = {"title": root.get("name") or "Co-simulation"}
     data |= _experiment(root, structure)
     if "window" not in kept:
         kept["window"] = _window(root, data, structure)
@@ -126,7 +126,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     ]
     data["units"] = []
     for place, source in structure.sources.items():
-        table: dict[str, Any] = {"name": names[place], "fmu": source}
+        table: TomlTable = {"name": names[place], "fmu": source}
         if starts[place]:
             table["start"] = starts[place]
         quantities = _quantities(structure, place, descriptions[place])
@@ -137,7 +137,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[dict[st
     return data, structure
 
 
-def _window(root: Element, data: dict[str, Any], structure: Structure) -> str:
+def _window(root: Element, data: TomlTable, structure: Structure) -> str:
     """Return the communication step: from an annotation, or a fraction of the whole time."""
     stated = _step_sizes(root)
     if stated:
@@ -211,7 +211,7 @@ def _unit_names(structure: Structure) -> dict[Place, str]:
     return names
 
 
-def _experiment(root: Element, structure: Structure) -> dict[str, Any]:
+def _experiment(root: Element, structure: Structure) -> TomlTable:
     """Return begin and end of the simulation."""
     experiment = root.find(f"{SSD}DefaultExperiment")
     times = {}
@@ -279,9 +279,9 @@ def _size_in(description: UnitDescription, owner: str) -> int:
 
 def _links(
     structure: Structure, names: dict[Place, str], descriptions: dict[Place, UnitDescription]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, TomlTable]:
     """Return the tables of connections by link; those of all scalars of two fields become one."""
-    single: dict[tuple[Node, Node], dict[str, Any]] = {}
+    single: dict[tuple[Node, Node], TomlTable] = {}
     for start, end, step in structure.links():
         if start[0] not in structure.sources:
             continue  # an input of the whole system, which may have a start value
@@ -293,13 +293,13 @@ def _links(
                 "lcmchain cosim does not exchange: it is left out"
             )
             continue
-        options: dict[str, Any] = {}
+        options: TomlTable = {}
         if step.factor != 1.0 or step.offset != 0.0:
             options = {"factor": step.factor, "offset": step.offset}
         if not step.convert_units:
             options["convert_units"] = False
         single[start, end] = options
-    whole: dict[tuple[Node, Node], dict[str, Any]] = {}
+    whole: dict[tuple[Node, Node], TomlTable] = {}
     counts: dict[tuple[Node, Node], int] = {}
     for start, end in single:
         fields = _fields(start, end, descriptions)
@@ -343,9 +343,9 @@ def _index(node: Node) -> str:
 def _starts(
     structure: Structure,
     descriptions: dict[Place, UnitDescription],
-) -> dict[Place, dict[str, Any]]:
+) -> dict[Place, TomlTable]:
     """Return the start values of every component; later ones replace earlier ones."""
-    starts: dict[Place, dict[str, Any]] = {place: {} for place in structure.sources}
+    starts: dict[Place, TomlTable] = {place: {} for place in structure.sources}
     fed: dict[Node, list[Node]] = {}
     for start, end, step in structure.links():
         if start[0] not in structure.sources:
@@ -415,7 +415,7 @@ def _quantities(structure: Structure, place: Place, description: UnitDescription
     return quantities
 
 
-def _annotation(root: Element) -> dict[str, Any]:
+def _annotation(root: Element) -> TomlTable:
     """Return the settings that an export of this program keeps in an annotation."""
     for annotation in root.findall(f"{SSD}Annotations/{SSC}Annotation"):
         if annotation.get("type") == ANNOTATION:
@@ -429,7 +429,7 @@ def _annotation(root: Element) -> dict[str, Any]:
     return {}
 
 
-def _merge(data: dict[str, Any], kept: dict[str, Any]) -> None:
+def _merge(data: TomlTable, kept: TomlTable) -> None:
     """Add the settings of an annotation: options of connections and units, scheme, windows."""
     for key in ("title", "window", "scheme", "recorder", "unit_tolerance"):
         if key in kept:

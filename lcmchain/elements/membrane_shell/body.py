@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from lcmchain.elements.membrane_shell.patch import (
     angle_shares,
     triangle_geometry,
 )
+from lcmchain.elements.membrane_shell.table import MembraneShellElement
 from lcmchain.errors import InputError
 from lcmchain.materials.features.shear_friction import shear_friction_of
 from lcmchain.materials.law import (
@@ -88,7 +89,7 @@ class MembraneShellBody:
         name: str,
         mesh: TriangleMesh,
         material: Material,
-        choices: Any,
+        choices: MembraneShellElement,
         first_node: int,
         first_element: int,
     ) -> Self:

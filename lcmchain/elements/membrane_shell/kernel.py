@@ -7,7 +7,7 @@ loop over the lanes around the straight-line equations of ``equations.py``.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -23,7 +23,7 @@ from lcmchain.elements.membrane_shell.equations import (
 from lcmchain.elements.membrane_shell.patch import CORNERS, PATCH_NODES, TriangleGeometry
 from lcmchain.elements.vectors import combination2, cross, dot
 from lcmchain.jit import equation, kernel, routine
-from lcmchain.materials.law import plane_bending_stiffness, plane_response
+from lcmchain.materials.law import Law, plane_bending_stiffness, plane_response
 
 FORCE_ROWS = 3 * PATCH_NODES
 # gradients of nodes 1 and 2, area, weights of nodes 1 ... 5 in the three second derivatives
@@ -41,7 +41,7 @@ class MembraneShellData(NamedTuple):
     element_count : without the padding of the last block.
     """
 
-    law: Any
+    law: Law
     thickness: float
     corner_node: np.ndarray
     element_data: np.ndarray

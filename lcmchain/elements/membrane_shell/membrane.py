@@ -7,7 +7,7 @@ computed. A triangle has no neighbours here, and forces on its own corners alone
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
@@ -28,7 +28,7 @@ from lcmchain.elements.membrane_shell.kernel import (
 from lcmchain.elements.membrane_shell.patch import CORNERS, TriangleGeometry
 from lcmchain.elements.vectors import combination2, cross, dot
 from lcmchain.jit import equation, kernel, routine
-from lcmchain.materials.law import plane_response
+from lcmchain.materials.law import Law, plane_response
 
 FORCE_ROWS = 3 * CORNERS
 # gradients of nodes 1 and 2, area
@@ -43,7 +43,7 @@ class MembraneData(NamedTuple):
     element_count : without the padding of the last block.
     """
 
-    law: Any
+    law: Law
     thickness: float
     corner_node: np.ndarray
     element_data: np.ndarray
@@ -51,7 +51,7 @@ class MembraneData(NamedTuple):
 
 
 def membrane_data(
-    law: Any, thickness: float, geometry: TriangleGeometry, first_node: int
+    law: Law, thickness: float, geometry: TriangleGeometry, first_node: int
 ) -> MembraneData:
     """Return the constants of triangles; ``first_node`` is the mesh's first in the model."""
     count = len(geometry.area)

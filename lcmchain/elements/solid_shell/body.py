@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, cast
+from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from lcmchain.elements.solid_shell.packing import (
     quick_kind_of,
 )
 from lcmchain.elements.solid_shell.pressure import normal_pressure
+from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
 from lcmchain.materials.law import (
     Material,
@@ -53,6 +54,9 @@ from lcmchain.materials.law import (
     viscosity_of,
 )
 from lcmchain.mesh.blank import BlankMesh
+
+if TYPE_CHECKING:  # no run needs the reference in NumPy
+    from lcmchain.elements.solid_shell.reference import ElementOptions
 
 CORNERS = 8
 # Width of the strips of fibre that bend within an element, over the thickness of the fabric.
@@ -99,7 +103,7 @@ class SolidShellBody:
         name: str,
         mesh: BlankMesh,
         material: Material,
-        choices: Any,
+        choices: Element | ElementOptions,
         first_node: int,
         first_element: int,
     ) -> Self:
@@ -109,32 +113,7 @@ class SolidShellBody:
         ------
         InputError : elements without volume, or an option that the material does not know.
         """
-        if choices.fibre_hourglass not in (None, 1.0) and not takes_fibre_share(material):
-            raise InputError(
-                f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
-                "leave it out",
-                key="element.fibre_hourglass",
-            )
-        if choices.hourglass == "published" and couples_shear(material):
-            raise InputError(
-                'is "published", which is derived for a thickness that does not know the shear; '
-                'use "conservative", or leave out shear_coupling and table of material.compaction',
-                key="element.hourglass",
-            )
-        if choices.hourglass == "published" and knows_step(material.law):
-            raise InputError(
-                'is "published", which takes the tangent of a law that knows no rate; use '
-                '"conservative", or leave out what resists the rate (material.viscous, '
-                "material.bending.viscous_1 and viscous_2)",
-                key="element.hourglass",
-            )
-        own_terms = hasattr(material, "stabilising_terms")
-        changes = not (material.is_diagonal or material.constant_tangent)
-        if choices.hourglass == "published" and (own_terms or changes):
-            raise InputError(
-                'is "published", which is derived for a diagonal stiffness; use "conservative"',
-                key="element.hourglass",
-            )
+        _require_known(material, choices)
         geometry = reference_geometry(mesh.node_positions[mesh.elements], mesh.fibre_direction_1)
         kind = kind_of(geometry)
         padded = LANES * -(-len(mesh.elements) // LANES)
@@ -511,7 +490,37 @@ def strip_share(material: Material, geometry: ReferenceGeometry) -> float:
     return min(1.0, float(width**2 / area))
 
 
-def bends_at_reference(material: Material, choices: Any) -> bool:
+def _require_known(material: Material, choices: Element | ElementOptions) -> None:
+    """Refuse options of the element that a material does not know."""
+    if choices.fibre_hourglass not in (None, 1.0) and not takes_fibre_share(material):
+        raise InputError(
+            f"is {choices.fibre_hourglass:g}, but only a law with fibres has a share of them; "
+            "leave it out",
+            key="element.fibre_hourglass",
+        )
+    if choices.hourglass == "published" and couples_shear(material):
+        raise InputError(
+            'is "published", which is derived for a thickness that does not know the shear; '
+            'use "conservative", or leave out shear_coupling and table of material.compaction',
+            key="element.hourglass",
+        )
+    if choices.hourglass == "published" and knows_step(material.law):
+        raise InputError(
+            'is "published", which takes the tangent of a law that knows no rate; use '
+            '"conservative", or leave out what resists the rate (material.viscous, '
+            "material.bending.viscous_1 and viscous_2)",
+            key="element.hourglass",
+        )
+    own_terms = hasattr(material, "stabilising_terms")
+    changes = not (material.is_diagonal or material.constant_tangent)
+    if choices.hourglass == "published" and (own_terms or changes):
+        raise InputError(
+            'is "published", which is derived for a diagonal stiffness; use "conservative"',
+            key="element.hourglass",
+        )
+
+
+def bends_at_reference(material: Material, choices: Element | ElementOptions) -> bool:
     """Tell whether strains of the bending are those of the initial thickness.
 
     Measured moments are always those of the sheet with the thickness that it had.
@@ -520,7 +529,7 @@ def bends_at_reference(material: Material, choices: Any) -> bool:
 
 
 def kernel_options(
-    material: Material, choices: Any, *, kind: Kind, fibre_share: float = 1.0
+    material: Material, choices: Element | ElementOptions, *, kind: Kind, fibre_share: float = 1.0
 ) -> Options:
     """Choose the effects of the element: what material and reference geometry call for."""
     # E33^ζ vanishes by ANS in a flat element: only coupling to other strains calls for it

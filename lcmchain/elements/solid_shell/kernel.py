@@ -7,7 +7,7 @@ the scene does not call for are arguments that are ``None``; their code is prune
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import prange
@@ -51,6 +51,7 @@ from lcmchain.elements.solid_shell.equations import (
 )
 from lcmchain.jit import INLINED, equation, kernel, routine
 from lcmchain.materials.law import (
+    Law,
     Step,
     bending_stiffness,
     bending_stress,
@@ -92,14 +93,14 @@ class Options(NamedTuple):
     fibre_share : of the fibre stiffness in the in-plane hourglass terms, 1 as in Eq. (18).
     """
 
-    aligned: Any
-    flat: Any
-    curved: Any
-    director: Any
-    conservative: Any
-    enhanced: Any
-    reference_bending: Any
-    coupled: Any
+    aligned: Literal[True] | None
+    flat: Literal[True] | None
+    curved: Literal[True] | None
+    director: Literal[True] | None
+    conservative: Literal[True] | None
+    enhanced: Literal[True] | None
+    reference_bending: Literal[True] | None
+    coupled: Literal[True] | None
     zeta2: float
     zeta4: float
     cross: float
@@ -125,14 +126,14 @@ class SolidShellData(NamedTuple):
     reference_curvature : (block_count * 16,), see ``curvature.py``; 0 for a flat reference.
     """
 
-    law: Any
+    law: Law
     options: Options
     corner_node: np.ndarray
     corner_run: np.ndarray
     element_data: SharedBlocks
     quick_data: Any
-    quick_options: Any
-    general: Any
+    quick_options: Options | None
+    general: Literal[True] | None
     transformation: np.ndarray
     transformation_change: np.ndarray
     density: float
@@ -762,7 +763,7 @@ def force_scales(aligned, data, i, volume):
     return element_lengths(data, i).forces
 
 
-def memory_of_block(law: Any, own: np.ndarray, past: np.ndarray) -> np.ndarray:
+def memory_of_block(law: Law, own: np.ndarray, past: np.ndarray) -> np.ndarray:
     """Return the array that holds the memory of a law, for the lanes of a block.
 
     ``own`` : the history of the block. ``past`` : the view of it that begins behind what elements
@@ -779,7 +780,7 @@ def _choose_memory(law, own, past):
     return lambda law, own, past: past
 
 
-def place_in_memory(law: Any, director: Any, lane: int) -> int:
+def place_in_memory(law: Law, director: Literal[True] | None, lane: int) -> int:
     """Return where the memory of a lane begins in what :func:`memory_of_block` returns."""
     return lane + curvature_rows(director) * LANES if history_count(law) else lane
 

@@ -14,8 +14,6 @@ director that is tilted by transverse shear gets longer.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import prange
 
@@ -96,7 +94,7 @@ def stress_and_stretch(
 
 
 @kernel
-def _stress33(law: Any, options: Any, strain, history, stress):
+def _stress33(law, options, strain, history, stress):
     block_count = stress.size // LANES
     history_size = history.size // block_count
     curvature_size = curvature_rows(options.director) * LANES

@@ -160,8 +160,18 @@ class ReferenceElement:
         force *= four_J0
         energy = self.volume * self.material.membrane_energy(E["centre"])
         energy += four_J0 * bending_energy
+        hourglass, hourglass_energy = self._hourglass(E, B, C_M, C_B)
+        total = (force + hourglass).reshape(8, 3)
+        return ElementResult(total, hourglass.reshape(8, 3), float(energy), float(hourglass_energy))
 
-        hourglass = np.zeros(24)  # Eq. (16): C^M in the ξ, η terms, C^B in the ηζ, ξζ terms
+    def _hourglass(
+        self, E: dict, B: dict, C_M: np.ndarray, C_B: np.ndarray
+    ) -> tuple[np.ndarray, float]:
+        """Return the stabilising forces (24,) of Eq. (16), and their energy.
+
+        C^M is in the ξ and η terms, C^B in the ηζ and ξζ terms.
+        """
+        hourglass = np.zeros(24)
         conservative = self.options.hourglass == "conservative"
         C_hg, slope, coupling = C_M.copy(), np.zeros(6), None
         terms = None
@@ -177,7 +187,7 @@ class ReferenceElement:
                 C_hg[i, i] *= self.options.fibre_hourglass
                 slope[i] *= self.options.fibre_hourglass
         hourglass_energy = 0.0
-        for term, weight, C in (  # type: ignore[assignment]
+        for term, weight, C in (
             ("xi", 1.0 / 3.0, C_hg),
             ("eta", 1.0 / 3.0, C_hg),
             ("eta_zeta", 1.0 / 9.0, C_B),
@@ -195,8 +205,7 @@ class ReferenceElement:
                     hourglass += self.volume / 6.0 * change * both * (r @ B["centre"])
             if coupling is not None:
                 hourglass += self.volume / 6.0 * B["centre"][3] * coupling[0] * squares[2]
-        total = (force + hourglass).reshape(8, 3)
-        return ElementResult(total, hourglass.reshape(8, 3), float(energy), float(hourglass_energy))
+        return hourglass, hourglass_energy
 
     def _to_material(self, bar: dict) -> dict:
         """Apply T ≈ T⁰ + ξT^ξ + ηT^η + ζT^ζ to strains (6,) or operators (6, 24)."""

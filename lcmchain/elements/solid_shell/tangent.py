@@ -16,11 +16,12 @@ Plain NumPy over blocks of elements, written separately from the compiled kernel
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from lcmchain.elements.blocks import from_blocks
+from lcmchain.elements.family import Body
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
 from lcmchain.elements.solid_shell.geometry import MODES
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
@@ -78,8 +79,19 @@ class Linearisation(NamedTuple):
     resultant_gradient: np.ndarray
 
 
+class LinearisedModel(Protocol):
+    """What is read of a model of one sheet; it is above the elements."""
+
+    @property
+    def element_count(self) -> int: ...
+    @property
+    def history_size(self) -> int: ...
+    def only_body(self, asked_by: str) -> Body: ...
+    def renew(self, positions: np.ndarray, history: np.ndarray) -> object: ...
+
+
 def linearise(
-    model: Any,
+    model: LinearisedModel,
     displacement: np.ndarray,
     resultants: np.ndarray | None = None,
     history: np.ndarray | None = None,

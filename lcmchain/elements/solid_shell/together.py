@@ -8,7 +8,6 @@ of one: it is compiled once for any number of plies, and threads meet once for a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -72,12 +71,12 @@ def _one_after_the_other(blocks: Sequence[SharedBlocks]) -> SharedBlocks:
     )
 
 
-def _same(first: Any, second: Any) -> bool:
+def _same(first: object, second: object) -> bool:
     """Compare numbers, arrays and NamedTuples of them."""
     if type(first) is not type(second):
         return False
-    if isinstance(first, tuple):
+    if isinstance(first, tuple) and isinstance(second, tuple):
         return len(first) == len(second) and all(map(_same, first, second))
-    if isinstance(first, np.ndarray):
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
         return np.array_equal(first, second)
     return bool(first == second)

@@ -62,7 +62,7 @@ from lcmchain.materials.law import (
     unrolled,
     with_bending_losses,
 )
-from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
 
 DIRECTIONS = (1, 2)
 
@@ -533,7 +533,7 @@ def losing_class(law_class: type, losses: BendingLosses) -> Any:
     return twin_named(f"{prefix}Bending{law_class.__name__}")
 
 
-def with_losses(law: tuple[float, ...], losses: BendingLosses | None) -> Any:
+def with_losses(law: LawOrTwin, losses: BendingLosses | None) -> LawOrTwin:
     """Return a law whose bending loses energy, or the law itself where nothing is stated."""
     if losses is None:
         return law

@@ -40,7 +40,7 @@ from lcmchain.materials.features.compaction import compaction_of
 from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.features.pressure_curves import MOST_ANGLES, MOST_PRESSURES, PressureCurve
 from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE, StrainMap, thickening
-from lcmchain.materials.twins import prefixed, twin_of
+from lcmchain.materials.twins import LawOrTwin, prefixed, twin_of
 
 #: s of the shear beyond which nothing follows.
 LARGEST = -math.log(1.0 - LARGEST_SQUARE)
@@ -291,7 +291,7 @@ class PressureTable:
         seen = np.sqrt(1.0 + 2.0 * strain_map.strain)
         return stretch * strain_map.E * unsheared(seen) / seen
 
-    def law_of(self, law: tuple[float, ...]) -> Any:
+    def law_of(self, law: LawOrTwin) -> LawOrTwin:
         """Return the twin of a law with the table."""
         return prefixed(law, "Tabled")(*law, self.numbers)
 
@@ -315,12 +315,12 @@ def _degrees(*angles: float) -> str:
 class _Map(NamedTuple):
     """The strain f(x, s) and its derivatives."""
 
-    f: Any
-    x: Any
-    xx: Any
-    s: Any
-    xs: Any
-    ss: Any
+    f: np.ndarray
+    x: np.ndarray
+    xx: np.ndarray
+    s: np.ndarray
+    xs: np.ndarray
+    ss: np.ndarray
 
 
 def _truncated(x: np.ndarray, inverse: float, order: int) -> np.ndarray:

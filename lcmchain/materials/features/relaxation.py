@@ -53,7 +53,7 @@ from lcmchain.materials.law import (
     sum_text,
     unrolled,
 )
-from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
 
 #: What every relaxing law remembers before the stresses of its elements.
 OWN_MEMORY = (
@@ -285,7 +285,7 @@ def _twin(name: re.Match[str], base: type) -> Any:
     return twin
 
 
-def with_relaxing(law: tuple[float, ...], relaxation: CompactionRelaxation | None) -> Any:
+def with_relaxing(law: LawOrTwin, relaxation: CompactionRelaxation | None) -> LawOrTwin:
     """Return a law whose compaction relaxes, or the law itself where nothing is stated."""
     if relaxation is None:
         return law

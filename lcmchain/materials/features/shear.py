@@ -33,7 +33,7 @@ import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.twins import prefixed, twin_of
+from lcmchain.materials.twins import LawOrTwin, prefixed, twin_of
 
 # Of the engineering shear strain 2 E12 = sin γ. For MD600 S12 keeps its sign where the shear angle
 # changes by up to 19° over an element.
@@ -196,6 +196,6 @@ def locking_class(law_class: type) -> Any:
     )
 
 
-def with_locking(law: tuple[float, ...], locking: ShearLocking | None) -> Any:
+def with_locking(law: LawOrTwin, locking: ShearLocking | None) -> LawOrTwin:
     """Return a law that locks as stated, or the law itself where nothing is stated."""
     return law if locking is None else prefixed(law, "Locking")(*law, *locking)

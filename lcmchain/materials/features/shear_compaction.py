@@ -43,7 +43,7 @@ from lcmchain.dispatch import implements, optional
 from lcmchain.jit import equation
 from lcmchain.materials.features.elementary import exponential, logarithm
 from lcmchain.materials.law import Material, TangentCoupling
-from lcmchain.materials.twins import prefixed, twin_of
+from lcmchain.materials.twins import LawOrTwin, prefixed, twin_of
 
 #: Beyond sin² γ of 84 degrees the thickness no longer follows the shear: 1/cos has no end.
 LARGEST_SQUARE = 0.99
@@ -64,15 +64,15 @@ class StrainMap(NamedTuple):
     m, m_g, m_gg : the stretch of the map that stabilises the elements, and its derivatives.
     """
 
-    strain: Any
-    E: Any
-    g: Any
-    EE: Any
-    Eg: Any
-    gg: Any
-    m: Any
-    m_g: Any
-    m_gg: Any
+    strain: np.ndarray
+    E: np.ndarray
+    g: np.ndarray
+    EE: np.ndarray
+    Eg: np.ndarray
+    gg: np.ndarray
+    m: np.ndarray
+    m_g: np.ndarray
+    m_gg: np.ndarray
 
 
 # --- compiled -------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ def coupled_class(law_class: type) -> Any:
 class Coupling(Protocol):
     """How the thickness of a fabric depends on its shear, in NumPy."""
 
-    def law_of(self, law: tuple[float, ...]) -> Any:
+    def law_of(self, law: LawOrTwin) -> LawOrTwin:
         """Return the twin of a law with the coupling."""
 
     def at(self, E33: ArrayLike, g: ArrayLike) -> StrainMap:
@@ -253,7 +253,7 @@ class PowerCoupling:
 
     beta: float
 
-    def law_of(self, law: tuple[float, ...]) -> Any:
+    def law_of(self, law: LawOrTwin) -> LawOrTwin:
         """Return the twin of a law with the coupling."""
         return prefixed(law, "Coupled")(*law, self.beta)
 

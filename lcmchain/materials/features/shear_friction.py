@@ -40,7 +40,7 @@ from lcmchain.materials.features.rheology import Friction, Values, dahl_loss, da
 from lcmchain.materials.features.shear_compaction import LARGEST_SQUARE
 from lcmchain.materials.features.viscous_shear import secant_of
 from lcmchain.materials.law import Material, Remembered, place_in_memory, remembered, unrolled
-from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
 from lcmchain.quantities.entry_types import (
     NOT_NEGATIVE,
     AcuteAngle,
@@ -183,7 +183,7 @@ def _twin(name: re.Match[str], base: type) -> Any:
     return twin
 
 
-def with_rubbing_shear(law: tuple[float, ...], friction: ShearFriction | None) -> Any:
+def with_rubbing_shear(law: LawOrTwin, friction: ShearFriction | None) -> LawOrTwin:
     """Return a law with friction in shear, or the law itself where none is stated."""
     if friction is None:
         return law

@@ -30,7 +30,7 @@ import numpy as np
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
 from lcmchain.materials.law import Remembered, place_in_memory, remembered, unrolled
-from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)]
 RATE_FACTOR = Remembered("rate_factor", "1", "how much faster than at the reference temperature")
@@ -157,7 +157,7 @@ def _twin(name: re.Match[str], base: type) -> Any:
     return twin
 
 
-def with_field(law: tuple[float, ...], field: TemperatureField | None) -> Any:
+def with_field(law: LawOrTwin, field: TemperatureField | None) -> LawOrTwin:
     """Return a law whose elements have a rate factor each, or the law itself without a field."""
     if field is None:
         return law

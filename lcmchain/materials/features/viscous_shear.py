@@ -59,7 +59,7 @@ from lcmchain.materials.law import (
     unrolled,
     viscosity,
 )
-from lcmchain.materials.twins import made_on_demand, twin_named, twin_of
+from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
 
 # Below this rate times the time constant M a Cross viscosity is that at rest, to double precision.
 SMALLEST_CROSS = 1e-30
@@ -408,7 +408,7 @@ def viscous_class(law_class: type, viscous: ViscousShear) -> Any:
     return twin_named(f"{kind}{len(viscous.terms)}{law_class.__name__}")
 
 
-def with_viscous(law: tuple[float, ...], viscous: ViscousShear | None) -> Any:
+def with_viscous(law: LawOrTwin, viscous: ViscousShear | None) -> LawOrTwin:
     """Return a law whose shear depends on its rate, or the law itself where nothing is stated."""
     if viscous is None:
         return law

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -308,5 +307,5 @@ def _reason(basis: Basis) -> str:
     return wrapped_comment(f"{basis.kind.capitalize()}: {basis.note}.")
 
 
-def _toml(value: Any) -> str:
+def _toml(value: str | float) -> str:
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"

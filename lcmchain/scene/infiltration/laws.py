@@ -199,7 +199,7 @@ class KamalSourourCure(SceneModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_preset(cls, values: Any) -> Any:
+    def _fill_preset(cls, values: object) -> object:
         return filled(values, CURES)
 
 
@@ -394,7 +394,7 @@ class CastroMacoskoResin(ArrheniusResin):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_preset(cls, values: Any) -> Any:
+    def _fill_preset(cls, values: object) -> object:
         return filled(values, VISCOSITIES)
 
     @model_validator(mode="after")

@@ -10,7 +10,7 @@ import difflib
 import re
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from pydantic.fields import FieldInfo
 
 from lcmchain.errors import shortened
 from lcmchain.quantities.entry_types import FileName, toml_like
+from lcmchain.scene.reading.overrides import TomlTable
 from lcmchain.scene.scene import Scene
 
 # --- models at a location of a document -----------------------------------------------------------
@@ -43,13 +44,13 @@ def documents_of(model: type[BaseModel]) -> Iterator[None]:
         _document.reset(token)
 
 
-def model_at(location: Sequence[str | int], data: Any) -> type[BaseModel] | None:
+def model_at(location: Sequence[str | int], data: object) -> type[BaseModel] | None:
     """Model of the table at a location; None where there is none or its form is not chosen."""
     models = models_of(annotation_at(location, data))
     return _chosen(models, value_at(location, data))
 
 
-def field_at(location: Sequence[str | int], data: Any) -> FieldInfo | None:
+def field_at(location: Sequence[str | int], data: object) -> FieldInfo | None:
     """Entry of a model at a location; None for an entry of a list, or where there is none."""
     if not location or isinstance(location[-1], int):
         return None
@@ -57,9 +58,9 @@ def field_at(location: Sequence[str | int], data: Any) -> FieldInfo | None:
     return model.model_fields.get(location[-1]) if model else None
 
 
-def annotation_at(location: Sequence[str | int], data: Any) -> Any:
+def annotation_at(location: Sequence[str | int], data: object) -> object:
     """Type of what stands at a location."""
-    annotation: Any = _document.get()
+    annotation: object = _document.get()
     node = data
     for step in location:
         if isinstance(step, int):
@@ -77,17 +78,18 @@ def annotation_at(location: Sequence[str | int], data: Any) -> Any:
     return annotation
 
 
-def value_at(location: Sequence[str | int], data: Any, absent: Any = None) -> Any:
+def value_at(location: Sequence[str | int], data: object, absent: object = None) -> object:
     """Return what stands at a location of a document, or ``absent``."""
+    node: Any = data
     for step in location:
         try:
-            data = data[step]
+            node = node[step]
         except (KeyError, IndexError, TypeError):
             return absent
-    return data
+    return node
 
 
-def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None:
+def _chosen(models: list[type[BaseModel]], value: object) -> type[BaseModel] | None:
     if len(models) == 1:
         return models[0]
     if not isinstance(value, dict):
@@ -97,7 +99,9 @@ def _chosen(models: list[type[BaseModel]], value: Any) -> type[BaseModel] | None
     return next((model for model in models if tag in tags_of(model)), None)
 
 
-def inner_models(location: Sequence[str | int], data: Any) -> Iterator[tuple[str, type[BaseModel]]]:
+def inner_models(
+    location: Sequence[str | int], data: object
+) -> Iterator[tuple[str, type[BaseModel]]]:
     """Tables inside the table at a location, each with its name."""
     model = model_at(location, data)
     for name, model_field in model.model_fields.items() if model else ():
@@ -106,7 +110,7 @@ def inner_models(location: Sequence[str | int], data: Any) -> Iterator[tuple[str
             yield name, inner
 
 
-def models_of(annotation: Any) -> list[type[BaseModel]]:
+def models_of(annotation: object) -> list[type[BaseModel]]:
     """Models that a type allows."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
@@ -118,7 +122,7 @@ def models_of(annotation: Any) -> list[type[BaseModel]]:
     return []
 
 
-def _entries_of(annotation: Any) -> Iterator[Any]:
+def _entries_of(annotation: object) -> Iterator[object]:
     origin = typing.get_origin(annotation)
     if origin is Annotated:
         yield from _entries_of(typing.get_args(annotation)[0])
@@ -129,7 +133,7 @@ def _entries_of(annotation: Any) -> Iterator[Any]:
             yield from _entries_of(part)
 
 
-def _named_tables(annotation: Any) -> Any:
+def _named_tables(annotation: object) -> object:
     """Type of the tables that are entries of a table by names of their own; None for others."""
     origin = typing.get_origin(annotation)
     if origin is Annotated:
@@ -137,14 +141,14 @@ def _named_tables(annotation: Any) -> Any:
     return typing.get_args(annotation)[1] if origin is dict else None
 
 
-def choices_of(annotation: Any) -> tuple[str, ...]:
+def choices_of(annotation: object) -> tuple[str, ...]:
     """Texts that a type allows."""
     if typing.get_origin(annotation) is Literal:
         return typing.get_args(annotation)
     return tuple(choice for part in typing.get_args(annotation) for choice in choices_of(part))
 
 
-def tags_at(location: Sequence[str | int], data: Any) -> list[str]:
+def tags_at(location: Sequence[str | int], data: object) -> list[str]:
     """Names of the forms that the table at a location may take."""
     models = models_of(annotation_at(location, data))
     return [tag for model in models for tag in tags_of(model)]
@@ -164,7 +168,7 @@ def tags_of(model: type[BaseModel]) -> tuple[str, ...]:
 Location = tuple[str | int, ...]
 
 
-def named_files(data: dict[str, Any]) -> Iterator[tuple[Location, str]]:
+def named_files(data: TomlTable) -> Iterator[tuple[Location, str]]:
     """Yield location and value of every entry of a document that names a file.
 
     Works on documents with errors too; values that are no names are left out.
@@ -181,7 +185,7 @@ def dotted(location: Location) -> str:
     return text.removeprefix(".")
 
 
-def _texts(node: Any, location: Location) -> Iterator[tuple[Location, str]]:
+def _texts(node: object, location: Location) -> Iterator[tuple[Location, str]]:
     entries: list[tuple[str | int, Any]] = []
     if isinstance(node, dict):
         entries = list(node.items())
@@ -308,7 +312,7 @@ class Problem:
 
 
 def problems_of(
-    error: ValidationError, data: dict[str, Any], at: tuple[str | int, ...] = ()
+    error: ValidationError, data: TomlTable, at: tuple[str | int, ...] = ()
 ) -> list[Problem]:
     """Explain a validation error of a scene, one problem per wrong entry, in file order.
 
@@ -350,7 +354,7 @@ def _without_echoes(problems: list[Problem]) -> list[Problem]:
     return kept
 
 
-def key_text(location: Sequence[str | int], data: Any) -> str:
+def key_text(location: Sequence[str | int], data: object) -> str:
     """Write a location as a dotted key with names of list entries: ``tools[2] "holder".axis``."""
     text = ""
     node = data
@@ -366,7 +370,7 @@ def key_text(location: Sequence[str | int], data: Any) -> str:
     return text
 
 
-def _without_tags(location: Sequence[str | int], data: Any) -> tuple[str | int, ...]:
+def _without_tags(location: Sequence[str | int], data: object) -> tuple[str | int, ...]:
     """Drop the names of chosen forms that pydantic puts between a table and its keys."""
     result: list[str | int] = []
     choosing = False
@@ -390,7 +394,10 @@ def _discriminator(location: Sequence[str | int]) -> str:
 
 
 def _message(
-    details: Any, location: tuple[str | int, ...], data: Any, at: tuple[str | int, ...]
+    details: Mapping[str, Any],
+    location: tuple[str | int, ...],
+    data: object,
+    at: tuple[str | int, ...],
 ) -> str:
     kind, context = details["type"], details.get("ctx", {})
     name = str(location[-1]) if location else ""
@@ -417,7 +424,7 @@ def _message(
     return f"{details['msg'][0].lower()}{details['msg'][1:]}"
 
 
-def _wanted(location: tuple[str | int, ...], data: Any) -> str:
+def _wanted(location: tuple[str | int, ...], data: object) -> str:
     name = str(location[-1])
     if name == "resin" and len(models_of(annotation_at(location, data))) > 1:
         return f"for example {_FLOWING_RESIN}"  # it flows by one of several laws
@@ -434,14 +441,14 @@ def _wanted(location: tuple[str | int, ...], data: Any) -> str:
     return f"give {name}"
 
 
-def _choice_message(value: Any, choices: Sequence[str]) -> str:
+def _choice_message(value: object, choices: Sequence[str]) -> str:
     close = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.5)
     hint = f'; did you mean "{close[0]}"?' if close else ""
     return f"is {_toml_like(value)}, but must be one of {_listed(choices)}{hint}"
 
 
 def _unknown_key(
-    name: str, location: tuple[str | int, ...], data: Any, at: tuple[str | int, ...]
+    name: str, location: tuple[str | int, ...], data: object, at: tuple[str | int, ...]
 ) -> str:
     """Say where a key belongs, in a file that holds the table ``at`` of a scene."""
     model = model_at(location[:-1], data)

@@ -76,7 +76,7 @@ def _allow_element_name(schema: dict[str, Any], definitions: dict[str, Any]) -> 
         entry["anyOf"] = [{"type": "string", "enum": names}, *tables]
 
 
-def _without_null(node: Any) -> Any:
+def _without_null(node: object) -> Any:
     """Drop null from the schema: TOML has none, an optional entry is simply left out."""
     if isinstance(node, list):
         return [_without_null(item) for item in node if item != {"type": "null"}]

@@ -10,10 +10,13 @@ from typing import Any
 
 from lcmchain.errors import InputError, shortened
 
+#: A table as TOML gives it: texts, numbers, truths, times, and lists and tables of them.
+TomlTable = dict[str, Any]
+
 _STEP = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(?:\[[0-9]{1,9}\])*)")
 
 
-def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> None:
+def apply_overrides(data: TomlTable, overrides: Sequence[str]) -> None:
     """Write ``key=value`` texts into a parsed scene, in place and in order.
 
     Keys are dotted; an entry of a list is named by its index (``tools[0]`` or ``tools.0``) or by
@@ -48,7 +51,7 @@ def parse_value(text: str) -> Any:
     return document["value"] if list(document) == ["value"] else text
 
 
-def _assign(data: dict[str, Any], key: str, value: Any) -> None:
+def _assign(data: TomlTable, key: str, value: object) -> None:
     node: Any = data
     steps: list[Any] = _steps(key)
     for position, step in enumerate(steps):

@@ -32,7 +32,7 @@ from lcmchain.scene.reading.explain import (
     problems_of,
     value_at,
 )
-from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.overrides import TomlTable, apply_overrides
 from lcmchain.scene.scene import Scene, SceneSource
 from lcmchain.text_files import decode_text
 from lcmchain.tools.motion import GuidedMotion
@@ -144,7 +144,7 @@ def scene_from_text(
     return scene
 
 
-def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
+def parse_toml(text: str, path: Path | None) -> TomlTable:
     """Parse the text of a scene file, or of a file of the same form.
 
     Raises
@@ -168,7 +168,7 @@ def parse_toml(text: str, path: Path | None) -> dict[str, Any]:
         raise InputError(f"is not valid TOML: {error}", file=_document_name(path)) from None
 
 
-def require_within_limits(data: dict[str, Any], path: Path | None) -> None:
+def require_within_limits(data: TomlTable, path: Path | None) -> None:
     """Refuse a document that is nested or filled beyond any use."""
     problem = _beyond_limits(data)
     if problem is not None:
@@ -198,7 +198,7 @@ def input_error(problems: list[Problem], path: Path | None, *, unexplained: int 
     return InputError(f"has {count:,} errors:{''.join(lines)}", file=_document_name(path))
 
 
-def _missing_files(data: dict[str, Any], directory: Path) -> list[Problem]:
+def _missing_files(data: TomlTable, directory: Path) -> list[Problem]:
     """Name the files that a scene points to and that are not there."""
     problems = []
     for location, value in named_files(data):
@@ -231,7 +231,7 @@ def _kind_of(path: Path) -> str:
 # --- lists in files of their own ------------------------------------------------------------------
 
 
-def _with_tables(data: dict[str, Any], directory: Path) -> tuple[dict[str, Any], list[str]]:
+def _with_tables(data: TomlTable, directory: Path) -> tuple[TomlTable, list[str]]:
     """Return a copy of a document with the contents of these files, and these as overrides.
 
     A file that is not there is left out: who reads the scene tells of all files that are missing.
@@ -258,7 +258,7 @@ def _with_tables(data: dict[str, Any], directory: Path) -> tuple[dict[str, Any],
     return expanded, overrides
 
 
-def _content(mark: OrFile, path: Path, location: Location, data: dict[str, Any]) -> Any:
+def _content(mark: OrFile, path: Path, location: Location, data: TomlTable) -> Any:
     try:
         return mark.read(path)
     except InputError as error:
@@ -273,7 +273,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _as_toml(content: Any) -> str:
+def _as_toml(content: object) -> str:
     """Write lists, tables, texts and numbers as a TOML value on one line."""
     if isinstance(content, dict):
         return "{" + ", ".join(f"{key} = {_as_toml(own)}" for key, own in content.items()) + "}"
@@ -293,7 +293,7 @@ LONGEST_TEXT = 200_000
 LARGEST_WHOLE_NUMBER = 2**63
 
 
-def _beyond_limits(data: dict[str, Any]) -> Problem | None:
+def _beyond_limits(data: TomlTable) -> Problem | None:
     """Return the first entry of a parsed document that is nested too deeply or far too long."""
     waiting: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
     while waiting:
@@ -320,7 +320,7 @@ def _beyond_limits(data: dict[str, Any]) -> Problem | None:
     return None
 
 
-def _complaint(value: Any) -> str | None:
+def _complaint(value: object) -> str | None:
     if isinstance(value, str):
         if len(value) > LONGEST_TEXT:
             return f"is a text of {len(value):,} characters; at most {LONGEST_TEXT:,} are read"
@@ -340,7 +340,7 @@ def _is_unwritable(character: str) -> bool:
 
 
 def _used_values(
-    scene: Scene, data: dict[str, Any]
+    scene: Scene, data: TomlTable
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
     given: list[tuple[str, str]] = []
     defaulted: list[tuple[str, str]] = []
@@ -450,7 +450,7 @@ def _found_text(scene: Scene, key: str) -> str:
 _ABSENT = object()
 
 
-def _value_text(value: Any) -> str:
+def _value_text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
@@ -462,6 +462,6 @@ def _value_text(value: Any) -> str:
     return str(value)
 
 
-def _inner_text(value: Any) -> str:
+def _inner_text(value: object) -> str:
     # Quoted inside a list, so that the text can be given to --set again.
     return f'"{value}"' if isinstance(value, str) else _value_text(value)

@@ -10,10 +10,11 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from lcmchain.errors import InputError
+from lcmchain.materials.table import MaterialTable
 from lcmchain.quantities.entry_types import FROM_FILE, SceneModel
 from lcmchain.scene.infiltration import Infiltration
 from lcmchain.scene.reading.explain import MOST_PROBLEMS, problems_of
-from lcmchain.scene.reading.overrides import apply_overrides
+from lcmchain.scene.reading.overrides import TomlTable, apply_overrides
 from lcmchain.scene.reading.read import (
     OVERRIDE,
     input_error,
@@ -60,7 +61,7 @@ def _table_from_text(
     ------
     InputError : as in :func:`read_table`.
     """
-    data: dict[str, Any] = parse_toml(text, path)
+    data: TomlTable = parse_toml(text, path)
     if overrides:
         apply_overrides(data, overrides)
     require_within_limits(data, path)
@@ -117,13 +118,13 @@ def structure_from_text(
 
 
 #: The least that a scene needs beside its material.
-_REST: dict[str, dict[str, Any]] = {
+_REST: dict[str, TomlTable] = {
     "process": {"time": "1 s"},
     "blank": {"size": ["1 m", "1 m"], "edge_length": "10 mm"},
 }
 
 
-def formed_material(text: str) -> Any:
+def formed_material(text: str) -> MaterialTable:
     """Return the material table of a scene that a result holds, with its overrides.
 
     The other tables are not looked at: the meshes and tools that they name may be elsewhere by now.
@@ -139,7 +140,9 @@ def formed_material(text: str) -> Any:
             "([blank] and [material])",
             key="plies" if "plies" in data else "layup",
         )
-    return _scene_of(text, "material", "element").material
+    material = _scene_of(text, "material", "element").material
+    assert material is not None  # plies alone do without
+    return material
 
 
 def formed_plies(text: str) -> dict[str, Any]:
@@ -154,7 +157,7 @@ def formed_plies(text: str) -> dict[str, Any]:
     data = _with_overrides(text, "material", "plies", "layup")
     if "plies" not in data and "layup" not in data:
         raise InputError("the scene in it has no plies; form the stack again", key="plies")
-    alone: dict[str, Any] = {"process": _REST["process"]}
+    alone: TomlTable = {"process": _REST["process"]}
     alone |= {key: data[key] for key in ("material", "materials", "layup") if key in data}
     if "plies" in data:
         named = [{k: ply[k] for k in ("name", "material") if k in ply} for ply in data["plies"]]
@@ -187,7 +190,7 @@ def _scene_of(text: str, *tables: str) -> Scene:
     return _checked(alone)
 
 
-def _with_overrides(text: str, *tables: str) -> dict[str, Any]:
+def _with_overrides(text: str, *tables: str) -> TomlTable:
     """The tables of a scene with the overrides of those that are named."""
     data = parse_toml(text, None)
     given = [line.removeprefix(OVERRIDE) for line in text.splitlines() if line.startswith(OVERRIDE)]
@@ -195,7 +198,7 @@ def _with_overrides(text: str, *tables: str) -> dict[str, Any]:
     return data
 
 
-def _checked(tables: dict[str, Any]) -> Scene:
+def _checked(tables: TomlTable) -> Scene:
     try:
         return Scene.model_validate(tables, context=FROM_FILE)
     except ValidationError as error:

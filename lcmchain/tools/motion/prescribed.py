@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, model_validator
@@ -84,10 +84,50 @@ def end_of_motion(start: float, end: float | None, process_time: float, *, key: 
     return process_time if end is None else end
 
 
-class StrokeMotion(ToolMotion):
-    """The tool travels a distance along a direction between two times, then stays."""
+class _BetweenTimes(ToolMotion):
+    """Base of what begins and ends once; the entries below are stated in an order of their own."""
 
     kind: ClassVar[int] = PRESCRIBED
+
+    if TYPE_CHECKING:
+        type: str
+        profile: Literal["smooth", "linear"]
+        start: TimeOrZero
+        end: PositiveTime | None
+
+    def without_time(self, process_time: float, *, key: str) -> Self:
+        self._require_no_time(key, "start", "end")
+        return self
+
+    def completed(self, process_time: float, *, key: str) -> Self:
+        end = end_of_motion(self.start, self.end, process_time, key=key)
+        return self.model_copy(update={"end": end})
+
+    def timed_columns(self, way: float, process_time: float, *, key: str) -> dict[str, float]:
+        """Return the columns of a way [m or rad] between the times, see :meth:`columns`."""
+        end = process_time if self.end is None else self.end
+        if not end > self.start:
+            raise InputError(
+                f"the {self.type} ends at {end:g} s but starts at {self.start:g} s; let it end "
+                "later",
+                key=f"{key}.end",
+            )
+        if self.profile not in ("smooth", "linear"):
+            raise InputError(f'"{self.profile}" is not "smooth" or "linear"', key=f"{key}.profile")
+        return {
+            "stroke_profile": LINEAR if self.profile == "linear" else SMOOTH,
+            "stroke_distance": way,
+            "stroke_start": self.start,
+            "stroke_end": end,
+        }
+
+    @property
+    def moves(self) -> bool:
+        return True
+
+
+class StrokeMotion(_BetweenTimes):
+    """The tool travels a distance along a direction between two times, then stays."""
 
     type: Literal["stroke"]
     direction: Direction = Field(description="Direction of travel; scaled to length one.")
@@ -111,43 +151,16 @@ class StrokeMotion(ToolMotion):
         require_later_end(self.start, self.end)
         return self
 
-    def without_time(self, process_time: float, *, key: str) -> Self:
-        self._require_no_time(key, "start", "end")
-        return self
-
-    def completed(self, process_time: float, *, key: str) -> Self:
-        end = end_of_motion(self.start, self.end, process_time, key=key)
-        return self.model_copy(update={"end": end})
-
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
-        direction = unit_direction(self.direction, key)
-        start = 0.0 if self.start is None else self.start
-        end = process_time if self.end is None else self.end
-        if not end > start:
-            raise InputError(
-                f"the stroke ends at {end:g} s but starts at {start:g} s; let it end later",
-                key=f"{key}.end",
-            )
-        if self.profile not in ("smooth", "linear"):
-            raise InputError(f'"{self.profile}" is not "smooth" or "linear"', key=f"{key}.profile")
         return self.columns(
-            direction,
-            stroke_profile=LINEAR if self.profile == "linear" else SMOOTH,
-            stroke_distance=self.distance,
-            stroke_start=start,
-            stroke_end=end,
+            unit_direction(self.direction, key),
+            **self.timed_columns(self.distance, process_time, key=key),
             until_force=math.inf if self.until_force is None else self.until_force,
         )
 
-    @property
-    def moves(self) -> bool:
-        return True
 
-
-class TurnMotion(ToolMotion):
+class TurnMotion(_BetweenTimes):
     """The tool turns about an axis by an angle between two times, then stays."""
-
-    kind: ClassVar[int] = PRESCRIBED
 
     type: Literal["turn"]
     axis: Direction = Field(description="Direction of the axis; scaled to length one.")
@@ -171,35 +184,13 @@ class TurnMotion(ToolMotion):
         require_later_end(self.start, self.end)
         return self
 
-    def without_time(self, process_time: float, *, key: str) -> Self:
-        self._require_no_time(key, "start", "end")
-        return self
-
-    def completed(self, process_time: float, *, key: str) -> Self:
-        end = end_of_motion(self.start, self.end, process_time, key=key)
-        return self.model_copy(update={"end": end})
-
     def table_entries(self, axis: np.ndarray, process_time: float, *, key: str) -> dict[str, Any]:
-        about = unit_direction(self.axis, f"{key}.axis")
-        end = process_time if self.end is None else self.end
-        if not end > self.start:
-            raise InputError(
-                f"the turn ends at {end:g} s but starts at {self.start:g} s; let it end later",
-                key=f"{key}.end",
-            )
         return self.columns(
             np.zeros(3),
-            turn_axis=about,
+            turn_axis=unit_direction(self.axis, f"{key}.axis"),
             turn_point=np.array(self.point, dtype=float),
-            stroke_profile=LINEAR if self.profile == "linear" else SMOOTH,
-            stroke_distance=self.angle,
-            stroke_start=self.start,
-            stroke_end=end,
+            **self.timed_columns(self.angle, process_time, key=key),
         )
-
-    @property
-    def moves(self) -> bool:
-        return True
 
     @property
     def turns(self) -> bool:

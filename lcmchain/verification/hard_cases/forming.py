@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,8 @@ def hemisphere(
     fillet: float | None = None,
     holder: bool = True,
     element: str = "",
-    **mesh: Any,
+    perturbation: float = 0.0,
+    seed: int = 0,
 ) -> Simulation:
     """Return the main job at half its size: blank 150 mm, punch of 37.5 mm.
 
@@ -63,7 +63,8 @@ def hemisphere(
         shape = {plate % "below"}
         {held if holder else ""}
         """,
-        **mesh,
+        perturbation=perturbation,
+        seed=seed,
     )
 
 

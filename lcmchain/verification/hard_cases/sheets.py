@@ -31,7 +31,7 @@ def simulation(
     perturbation: float = 0.0,
     seed: int = 0,
     step_safety: float | None = None,
-    **environment: Any,
+    **environment: float,
 ) -> Simulation:
     """Return the simulation of a scene with what a scene file cannot say.
 
