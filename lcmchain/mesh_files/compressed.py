@@ -52,10 +52,10 @@ def _opened(path: Path) -> IO[bytes]:
     """Open a compressed file to read what it holds."""
     kind = _compression(path)
     if kind == "bzip2":
-        return bz2.open(path)
+        return bz2.open(path, mode="rb")
     if kind == "xz":
-        return lzma.open(path)
-    return cast(IO[bytes], gzip.open(path))
+        return lzma.open(path, mode="rb")
+    return cast(IO[bytes], gzip.open(path, mode="rb"))
 
 
 def _compression(path: Path) -> str | None:
