@@ -78,8 +78,16 @@ class UnfinishedRun(LcmchainError):
     where: str = ""
 
 
+#: What the cause begins with in the message of a guard.
+LIKELY_CAUSE = "Likely cause: "
+
+
 class SimulationError(UnfinishedRun):
     """A run that a guard stopped: names element, position, time and likely cause."""
+
+    def blame(self, cause: str) -> None:
+        """Name a cause that is known from elsewhere in place of the one that the guard guessed."""
+        self.args = (f"{str(self).partition(LIKELY_CAUSE)[0].strip()} {LIKELY_CAUSE}{cause}",)
 
 
 class SimulationInterrupted(UnfinishedRun):

@@ -16,11 +16,18 @@ from lcmchain.check import require_frames_fit, require_no_initial_overlap, run_e
 from lcmchain.check.effect_cost import later_stages
 from lcmchain.check.expected_cost import record_speed
 from lcmchain.check.remarks import scene_warnings
-from lcmchain.check.tool_strokes import closing_tools, tools_that_close
+from lcmchain.check.tool_strokes import Closing, closing_tools, tools_that_close
 from lcmchain.compilation.threads import use_threads
 from lcmchain.compile_beside import Helper, compile_loops
 from lcmchain.effects.effect import Effect
-from lcmchain.errors import InputError, LcmchainError, MappingError, OutputError, UnfinishedRun
+from lcmchain.errors import (
+    InputError,
+    LcmchainError,
+    MappingError,
+    OutputError,
+    SimulationError,
+    UnfinishedRun,
+)
 from lcmchain.forming_run import FormingRun, Progress, RunAccount, state_after
 from lcmchain.provenance import provenance, run_fingerprint
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, read_state, stopped
@@ -290,6 +297,8 @@ class _Job:
         try:
             forming.complete(checkpoint)
         except UnfinishedRun as error:
+            if isinstance(error, SimulationError):
+                self._blame_tools(error)
             self._write_fields(forming, compile_s, state_after(error))
             error.result = self.result
             last = 1e3 * forming.snapshots[-1].time
@@ -459,12 +468,24 @@ class _Job:
         """Report how far the forming stage has come."""
         self.tell(completed, text)
 
+    def _blame_tools(self, error: SimulationError) -> None:
+        """Name tools that had left no space for the sheet as the cause of what a guard saw.
+
+        No contact stiffness, mesh or pace cures that, whatever the guard advises.
+        """
+        time = self.simulation.time
+        closed = tools_that_close(self.scene, self.simulation.model, self.closing, until=time)
+        if closed:
+            error.blame("; ".join(closed))
+
+    @functools.cached_property
+    def closing(self) -> list[Closing]:
+        """Tools that close on each other; looked for at the end, so that no run begins later."""
+        return closing_tools(self.scene, self.blanks, self.simulation.model)
+
     def _write_fields(self, forming: FormingRun, compile_s: float, state: str) -> None:
         snapshots = forming.snapshots
         datasets = _write_fields(self.scene, self.simulation, snapshots, self.folder, state)
-        # told at the end like all warnings, and so looked for there: no run begins later for it
-        model = self.simulation.model
-        closing = closing_tools(self.scene, self.blanks, model)
         self.summary |= run_summary(
             self.scene,
             self.simulation,
@@ -475,7 +496,7 @@ class _Job:
             threads=self.threads,
             warnings=[
                 *self.warnings,
-                *tools_that_close(self.scene, model, closing),
+                *tools_that_close(self.scene, self.simulation.model, self.closing),
                 *self.simulation.warnings(),
             ],
         )

@@ -20,6 +20,7 @@ from lcmchain.judgements.contact import (
     hidden_compaction,
     hidden_compaction_warnings,
     penetration_warnings,
+    ply_depth_warnings,
 )
 from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.judgements.fields import fibre_strain_measures, fibre_strain_warnings, field_warnings
@@ -155,6 +156,7 @@ def run_summary(
         *balance_warning(summary, scene),
         *still_moving_warning(summary, slowing_entry(scene)),
         *penetration_warnings(summary, scene.stack.least_thickness),
+        *ply_depth_warnings(summary),
         *hidden_compaction_warnings(summary),
         *quasi_static_warnings(measures, scene, needed),
         *snap_warnings(summary.get("tool_loads", {}), scene),

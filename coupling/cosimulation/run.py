@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,6 +48,10 @@ from lcmchain.results import (
     stopped,
     write_summary,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 # --- divergence of an explicit coupling: its fields swing from window to window and grow ----------
 
@@ -487,10 +491,26 @@ class _Job:
             "state": state,
         }
         groups = self.recorder.groups(about)
-        groups[CONVERGENCE_GROUP] = self.assembly.coupled.history.dataset()
+        groups[CONVERGENCE_GROUP] = self._convergence()
         write_netcdf(self.folder / NETCDF, groups)
         self._recorded = clock.perf_counter()
         self._record_cost = self._recorded - begin
+
+    def _convergence(self) -> xr.Dataset:
+        """Return the history of the iterations, with the units of the exchanged fields."""
+        dataset, parts = self.assembly.coupled.history.dataset(), self.assembly.parts
+        units = []
+        for exchange in self.assembly.coupled.exchanges:
+            given = parts[exchange.source].description.find(exchange.field).unit_text
+            taken = parts[exchange.target].description.find(exchange.target_field).unit_text
+            units.append(given if taken == "1" else taken)  # compared where they have arrived
+        about = {"long_name": "unit of the exchanged field"}
+        dataset = dataset.assign_coords(exchange_unit=("exchange", np.array(units, object), about))
+        if len(set(units)) == 1:  # else each column has its own
+            for variable in dataset.data_vars.values():
+                if "exchange" in variable.dims:
+                    variable.attrs["units"] = units[0]
+        return dataset
 
     def write_results(self, state: str) -> None:
         """Write the record and the pictures."""

@@ -140,7 +140,8 @@ def _drag_of_added_mass(scene: Scene) -> list[str]:
     """Say that mass damping, a rate per inertia, drags the added mass along."""
     process = scene.process
     factor = 1.0 if process.mass_scaling is None else process.mass_scaling.factor
-    if factor == 1.0 or process.mass_damping == 0.0:
+    # what was found goes with the vibrations of the sheet as heavy as it is
+    if factor == 1.0 or process.mass_damping == 0.0 or scene.damping_is_found:
         return []
     calmer = two_digits(process.mass_damping / math.sqrt(factor))
     return [

@@ -97,8 +97,10 @@ def _together(model: Model, one: int, other: int, times: np.ndarray) -> np.ndarr
     return together
 
 
-def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list[str]:
-    """Say which tools leave no space for the sheet between them on their way."""
+def tools_that_close(
+    scene: Scene, model: Model, closing: list[Closing], until: float = math.inf
+) -> list[str]:
+    """Say which tools leave no space for the sheet between them, up to a time [s] of their way."""
 
     def space(near: ClosestGap) -> float:
         return near.gap - LEAST_GAP * _thickness(scene, near)
@@ -108,6 +110,8 @@ def tools_that_close(scene: Scene, model: Model, closing: list[Closing]) -> list
         closest = _tightest(scene, tools, space)
         if space(closest) < 0.0 and not space(tools.start) < 0.0:
             first = next(near for near in tools.course if space(near) < 0.0)
+            if first.time > until:
+                continue
             texts.append(_sentence(scene, model, tools.pair, first, closest))
     return texts
 

@@ -19,7 +19,7 @@ from lcmchain.commands.options import (
     takes_options,
 )
 from lcmchain.commands.terminal import progress_bar, say, show_whole, warn
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, UnfinishedRun
 
 if TYPE_CHECKING:
     from lcmchain.study.runs import Workers
@@ -196,9 +196,14 @@ def study_sweep(
     if not quiet:
         show_whole(sweep_table(title, runs))
         say(f"Tables in {folder}")
-    for run in runs:
-        if run.failure:
-            warn(f"{run.variant.name}: no result, {run.failure}")
+    failed = [run for run in runs if run.failure]
+    for run in failed:
+        warn(f"{run.variant.name}: no result, {run.failure}")
+    if failed:  # what was asked for is not all there; in the other studies a failure is a finding
+        raise UnfinishedRun(
+            f"{len(failed)} of {len(runs)} runs gave no result, for the reasons above; what the "
+            f"others gave is in {folder}"
+        )
 
 
 @study_app.command("sensitivity")

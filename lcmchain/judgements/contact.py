@@ -54,18 +54,38 @@ def penetration_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Ve
     yield Verdict("Penetration", grade, text, "contact.penalty" if grade != GOOD else "")
 
 
+def ply_depth_warnings(summary: Mapping[str, Any]) -> list[str]:
+    """Say which ply nodes of another one reached so far into that the verdict on it is bad.
+
+    Less than that single nodes at the rim of a ply reach for a moment, of which no run warns.
+    """
+    deepest = summary.get("stack", {}).get("ply_depth")
+    if deepest is None or not deepest["part"] > BAD * LARGEST_PLY_DEPTH:
+        return []
+    return [
+        f"{_reach_into_ply(deepest).format(percent(deepest['part']))}, and thickness and pressure "
+        "are not known there; set a higher interfaces.penalty, or shorten the edges"
+    ]
+
+
+def _reach_into_ply(deepest: Mapping[str, Any]) -> str:
+    """Say where a node is deepest in another ply, with {} for its part of the thinner one."""
+    return (
+        f"nodes of {deepest['ply']} reach up to {1e3 * deepest['depth_m']:.3f} mm into "
+        f"{deepest['into']}, at {milliseconds_text(deepest['time_s'])}: {{}} of the thinner one"
+    )
+
+
 def ply_depth_verdict(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     """Judge the deepest node of a ply in another one."""
     deepest = summary.get("stack", {}).get("ply_depth")
     if deepest is None:
         return
-    part = deepest["part"]
     yield share(
         "Depth between plies",
-        part,
+        deepest["part"],
         LARGEST_PLY_DEPTH,
-        f"nodes of {deepest['ply']} reach up to {1e3 * deepest['depth_m']:.3f} mm into "
-        f"{deepest['into']}, at {milliseconds_text(deepest['time_s'])}: {{}} of the thinner one",
+        _reach_into_ply(deepest),
         "thickness and pressure are not known there; a ply whose rim dents another one does so at "
         "single nodes",
         "interfaces.penalty, edge_length",

@@ -2,8 +2,8 @@
 
 A check is doubtful where the summary warns of it: both read the same threshold. It is bad where the
 number is :data:`lcmchain.thresholds.BAD` times as large, where a guard would stop a run, or as the
-check itself says. The depth between plies has a verdict alone: single nodes at the rim of a ply
-exceed it for a moment, of which a run need not warn.
+check itself says. Of the depth between plies a run warns where it is bad alone: single nodes at the
+rim of a ply are doubtful for a moment.
 """
 
 from __future__ import annotations

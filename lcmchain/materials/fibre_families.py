@@ -665,6 +665,13 @@ class FibreFamilies(Fabric):
         changed = copy.copy(self)
         changed.families = tuple(softer(family) for family in self.families)
         changed.normal = tuple(softer(family) for family in self.normal)
+        changed.pairs = tuple(
+            pair._replace(
+                first=changed.normal[self.normal.index(pair.first)],
+                second=changed.normal[self.normal.index(pair.second)],
+            )
+            for pair in self.pairs
+        )
         plane = self.law.plane.copy()
         for k, family in enumerate(changed.normal):
             plane[k * FAMILY : (k + 1) * FAMILY] = family.numbers()

@@ -26,8 +26,9 @@ from lcmchain.mesh.outline import (
     polygon_area,
 )
 
-# Relative to the size of the blank: a point this near to the rim lies on it.
-ON_RIM = 1e-6
+# Relative to the size of the blank: a point this near to the rim lies on it. Coordinates in inches
+# with four digits, or halves of a rounded size, miss it by more than a millionth.
+ON_RIM = 2e-5
 # Corners that turn by at least this angle get a node of their own.
 CORNER_ANGLE = math.radians(15.0)
 # Wedges that are cut out with a sharper angle are narrower than an element at their tip.
@@ -322,11 +323,10 @@ def _on_rim(
     slack = 1e-9 * size / length
     meets = (across != 0.0) & (way > 1e-9) & (way <= reach) & (part >= -slack) & (part <= 1 + slack)
     if not meets.any():
-        near = shapely.LinearRing(rim)
-        foot = np.array(near.interpolate(near.project(shapely.Point(point))).coords[0])
         raise InputError(
-            f"does not reach the rim: its point {in_mm(point)} lies inside the outline; move it "
-            f"onto the rim, as to {in_mm(foot)}, or beyond",
+            f"does not reach the rim: its point {in_mm(point)} lies "
+            f"{1e3 * _distance(rim, point):.3g} mm inside the outline; move it onto the rim, as to "
+            f"{in_mm(_foot(rim, point))}, or beyond",
             key=key,
         )
     side = int(np.argmin(np.where(meets, way, np.inf)))
@@ -440,6 +440,10 @@ def _checked_slit(sheet: Contours, slit: np.ndarray, size: float, key: str) -> n
         found[near] = corner
     along = np.hypot(*np.diff(found, axis=0).T)
     found = found[np.append(True, along > 1e-9 * size)]
+    for end in (0, -1):
+        for ring in sheet.rings:
+            if 1e-12 * size < _distance(ring, found[end]) <= ON_RIM * size:
+                found[end] = _foot(ring, found[end])  # the rest would be a bridge of microns
     lengths = [_touching(ring, found, size) for ring in sheet.rings]
     if max(lengths) > ON_RIM * size:
         raise InputError("runs along the rim or a hole; remove it, or move it inside", key=key)
@@ -455,6 +459,12 @@ def _touching(ring: np.ndarray, line: np.ndarray, size: float) -> float:
 def _distance(ring: np.ndarray, point: np.ndarray) -> float:
     """Distance of a point from a contour [m]."""
     return float(shapely.LinearRing(ring).distance(shapely.Point(point)))
+
+
+def _foot(ring: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return the point of a contour that is nearest to another one [m], (2,)."""
+    line = shapely.LinearRing(ring)
+    return np.array(line.interpolate(line.project(shapely.Point(point))).coords[0])
 
 
 def _nearest(line: shapely.Geometry, other: shapely.Geometry) -> np.ndarray:

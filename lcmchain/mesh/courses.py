@@ -109,13 +109,17 @@ def outlines_of(rim: np.ndarray, fibre_angle: float, courses: Courses) -> list[n
                 "out, or move it inside",
                 key=f"blank.courses.joints[{number}]",
             )
+    # An end exactly at the rim would cut it a second time, a rounding error beside its corners.
+    beyond = high - low
+    strips = courses.strips(low - beyond, high + beyond)
     outlines = []
-    for name, strip in zip(courses.names, courses.strips(low, high), strict=True):
+    for name, strip in zip(courses.names, strips, strict=True):
         part = strip_of(shapely.Polygon(rim), fibre_angle, strip)
         if not isinstance(part, shapely.Polygon) or part.is_empty:
             raise InputError(
-                f"cut the blank such that {name}, from {1e3 * strip[0]:.4g} to "
-                f"{1e3 * strip[1]:.4g} mm along fibre 2, is not one piece; move the joints",
+                f"cut the blank such that {name}, from {1e3 * max(strip[0], low):.4g} to "
+                f"{1e3 * min(strip[1], high):.4g} mm along fibre 2, is not one piece; move the "
+                "joints",
                 key="blank.courses.joints",
             )
         ring = shapely.geometry.polygon.orient(part).exterior

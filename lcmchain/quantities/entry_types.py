@@ -394,8 +394,10 @@ class Text(_Quoted):
         return {"type": "string", "minLength": 1, "examples": [self.example]}
 
     def _validate(self, value: object) -> str:
-        if not isinstance(value, str) or not value.strip():
+        if not isinstance(value, str):
             raise wrong(f"must be a text in quotes; for example {self.example_text}")
+        if not value.strip():
+            raise wrong(f"is empty; for example {self.example_text}")
         if len(value) > LONGEST_TEXT:
             raise wrong(f"has {len(value):,} characters; use at most {LONGEST_TEXT:,}")
         return value

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -34,6 +35,8 @@ ONE_LINE, LEAST_NODES = 0.25, 4
 
 # Points of a straight fibre line per edge of the mesh.
 POINTS_PER_EDGE = 2
+# Length of a piece between two of them, over that of a piece that is not stretched.
+LONGEST_PIECE = 2.0
 
 
 def fibre_lines(
@@ -58,12 +61,9 @@ def fibre_lines(
 
 def _straight_lines(sheet: xr.Dataset, points: np.ndarray, number: int, most: int) -> np.ndarray:
     """Return pieces (S, 2, 3) of lines that were straight in the undeformed, level sheet."""
-    from matplotlib.tri import LinearTriInterpolator, Triangulation
-
     reference, faces = reference_positions(sheet)[:, :2], sheet_faces(sheet)
     first, second = faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]
     triangles = np.concatenate([first, second[second[:, 1] != second[:, 2]]])
-    mesh = Triangulation(reference[:, 0], reference[:, 1], triangles)
     along = vector(sheet, f"fibre_direction_{number}", 0)[:, :2].mean(axis=0)
     along /= np.linalg.norm(along)
     across = np.array([-along[1], along[0]])
@@ -75,12 +75,33 @@ def _straight_lines(sheet: xr.Dataset, points: np.ndarray, number: int, most: in
     levels = middle + step * np.arange(-count, count + 1)
     ways = np.arange(way.min(), way.max() + edge, edge / POINTS_PER_EDGE)
     grid = ways[None, :, None] * along + levels[:, None, None] * across
-    formed = np.ma.stack(
-        [LinearTriInterpolator(mesh, values)(grid[..., 0], grid[..., 1]) for values in points.T],
-        axis=-1,
-    ).filled(np.nan)
+    formed = _carried(reference, triangles, points, grid.reshape(-1, 2)).reshape(*grid.shape[:2], 3)
     pieces = np.stack([formed[:, :-1], formed[:, 1:]], axis=2).reshape(-1, 2, 3)
-    return pieces[np.isfinite(pieces).all(axis=(1, 2))]
+    # a line goes on at the other lip of a slit or joint that has opened; fibres hardly stretch
+    formed_edge = np.median(np.linalg.norm(points[faces[:, 1]] - points[faces[:, 0]], axis=1))
+    length = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+    return pieces[length < LONGEST_PIECE * formed_edge / POINTS_PER_EDGE]  # false where no number
+
+
+def _carried(
+    reference: np.ndarray, triangles: np.ndarray, points: np.ndarray, places: np.ndarray
+) -> np.ndarray:
+    """Return where places (P, 2) of the level sheet have come to, (P, 3), NaN beside it.
+
+    The lips of a slit lie on each other in the level sheet, which triangulations for plots refuse.
+    """
+    tree = shapely.STRtree(shapely.polygons(reference[triangles]))
+    place, triangle = tree.query(shapely.points(places), predicate="intersects")
+    found = np.full(len(places), -1)
+    found[place[::-1]] = triangle[::-1]  # of several the first
+    inside = found >= 0
+    corners = reference[triangles[found[inside]]]
+    sides = np.moveaxis(corners[:, 1:] - corners[:, :1], 1, 2)
+    part = np.linalg.solve(sides, (places[inside] - corners[:, 0])[..., None])[..., 0]
+    weights = np.column_stack([1.0 - part.sum(axis=1), part])
+    carried = np.full((len(places), 3), np.nan)
+    carried[inside] = np.einsum("pk,pki->pi", weights, points[triangles[found[inside]]])
+    return carried
 
 
 def fibre_segments(sheet: xr.Dataset, most: int = MOST_LINES) -> list[np.ndarray]:

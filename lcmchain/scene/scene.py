@@ -220,6 +220,7 @@ class Scene(SceneModel):
     _switched: tuple[Switched, ...] = PrivateAttr(default=())
     _before_switches: dict[str, Any] = PrivateAttr(default_factory=dict)
     _time_is_found: bool = PrivateAttr(default=False)
+    _damping_is_found: bool = PrivateAttr(default=False)
     _as_written: dict[str, Any] = PrivateAttr(default_factory=dict)
 
     @property
@@ -231,6 +232,11 @@ class Scene(SceneModel):
     def time_is_found(self) -> bool:
         """Whether the process has no time of its own: ``process.time`` is that at pace 1."""
         return self._time_is_found
+
+    @property
+    def damping_is_found(self) -> bool:
+        """Whether ``process.mass_damping`` was left out, and found with the time."""
+        return self._damping_is_found
 
     @property
     def as_written(self) -> dict[str, Any]:
@@ -453,10 +459,12 @@ class Scene(SceneModel):
     def _find_time(self) -> Self:
         """Fill in what a process without a time takes: its time, its damping, and its tools'."""
         process = self.process
+        is_damping_given = "mass_damping" in process.model_fields_set
         if self.stages:
             filled = completed_stages(self)
             self._as_written = {name: self.__dict__[name] for name in filled}
             self._time_is_found = any(stage.time_is_found for stage in filled["stages"])
+            self._damping_is_found = self._time_is_found and not is_damping_given
             self.__dict__.update(filled)  # the scene is frozen for everybody else
             return self
         require_no_stages(self)
@@ -488,7 +496,7 @@ class Scene(SceneModel):
             key = f'grippers[{index}] "{gripper.name}"'
             grippers.append(gripper.without_time(time, key=key).completed(time, key=key))
         filled_in = {"time": time}
-        if "mass_damping" not in process.model_fields_set:
+        if not is_damping_given:
             filled_in["mass_damping"] = DAMPING_TIMES_TIME / time
         if process.damping_average is None:
             filled_in["damping_average"] = AVERAGING_PART * time
@@ -499,6 +507,7 @@ class Scene(SceneModel):
             grippers=tuple(grippers),
         )
         self._time_is_found = True
+        self._damping_is_found = not is_damping_given
         return self
 
     @model_validator(mode="after")

@@ -13,7 +13,14 @@ from lcmchain.coupling.permeability import PermeabilityLaw, aligned_permeabiliti
 from lcmchain.errors import InputError
 from lcmchain.fields import FrameSeries
 from lcmchain.fields.dataset import LaidSheet, SheetFrames, laid_datasets, sheets_datasets
-from lcmchain.fields.sheet import BUCKLES, families_of, fibre_strains, mesh_axes, vector
+from lcmchain.fields.sheet import (
+    BUCKLES,
+    families_of,
+    fibre_strains,
+    mesh_axes,
+    sheet_faces,
+    vector,
+)
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import field_summary
 from lcmchain.fields.wrinkles import elements_per_wave
@@ -143,6 +150,20 @@ def test_drawn_lines_lie_along_every_family(name):
         off = np.abs(np.abs(way @ along) - 1.0)
         # edges of the mesh next to the cut are moved aside
         assert (np.median(off) if name == "two" else off.max()) < 1e-9
+
+
+def test_drawn_lines_end_at_the_lips_of_an_open_slit():
+    cut = SCENE.replace('"50 mm"]', '"50 mm"], slits = [[["30 mm", "0 mm"], ["-10 mm", "0 mm"]]]')
+    scene = scene_from_text(cut.replace('"10 mm"', '"5 mm"'))
+    blank = scene.stack[0].build_blank()
+    fields = LaidSheet(blank, FABRICS["three"].build())
+    sheet = laid_datasets(scene, fields, frames_of(blank), {})["/"]
+    points, faces = vector(sheet, "reference_position").copy(), sheet_faces(sheet)
+    upper = np.unique(faces[points[faces, 1].mean(axis=1) > 0.0])
+    points[upper, 1] += 0.2 * np.maximum(points[upper, 0] + 0.01, 0.0)  # 8 mm at the rim
+    for _, pieces in fibre_lines(sheet, points):
+        length = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+        assert len(pieces) > 20 and length.max() < 2.2 * np.median(length)
 
 
 def test_plies_with_other_families_lie_in_one_stack():

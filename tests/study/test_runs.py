@@ -12,11 +12,12 @@ import xarray as xr
 from rich.console import Console
 from typer.testing import CliRunner
 
-from lcmchain.cli import app
+from lcmchain.cli import app, main
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.study import runs as runs_module
 from lcmchain.study.accuracy import ladder, study_accuracy
 from lcmchain.study.accuracy_files import markdown, terminal_table, write_accuracy
+from lcmchain.study.outcome import Outcome
 from lcmchain.study.runs import RUNS, Study, Workers
 from lcmchain.study.sources import Variant
 
@@ -110,6 +111,21 @@ def test_what_is_no_address_is_told_without_waiting(dent, tmp_path, address):
     pytest.importorskip("distributed")
     with pytest.raises(InputError, match="--scheduler.*no address of a dask scheduler"):
         Study(dent, tmp_path, Workers(1, 1, address)).outcomes(EDGES[:1])
+
+
+def test_a_sweep_with_a_run_without_a_result_ends_as_a_failed_run(
+    dent, tmp_path, monkeypatch, capsys
+):
+    def made(source, variant, threads, tell=None):
+        return Outcome(1.0, 1, failure="the sheet tore" if "0.3" in variant.name else "")
+
+    monkeypatch.setattr(runs_module, "make_run", made)
+    out = ["--workers", "1", "--out", str(tmp_path / "out")]
+    with pytest.raises(SystemExit) as ended:
+        main(["study", "sweep", dent.path, "--vary", "contact.friction=0.1|0.3", *out])
+    assert ended.value.code == 1
+    assert "1 of 2 runs gave no result" in " ".join(capsys.readouterr().err.split())
+    assert (tmp_path / "out" / "sweep.csv").exists()
 
 
 def test_ctrl_c_in_a_run_of_a_study_advises_no_resume(dent, monkeypatch):

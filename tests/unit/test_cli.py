@@ -14,7 +14,7 @@ from lcmchain import cli
 from lcmchain.commands import run as run_command
 from lcmchain.commands.options import default_out
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.scene import read_scene
+from lcmchain.scene import read_scene, scene_from_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -400,6 +400,7 @@ def test_estimated_step_is_the_time_of_a_wave_across_an_element(scene_file):
         (["tools.holder.shape.fillet_radius=0 mm"], "sharp edge"),
         (["element.compaction_strain=director"], "fold over"),
         (["material.areal_mass=1700 g/m^2"], "more than fibres can be packed to"),
+        (["process.mass_scaling={factor=4}", "process.mass_damping=50 1/s"], "drags the sheet 4"),
     ],
 )
 def test_what_is_probably_not_meant_is_said(overrides, words, scene_file):
@@ -408,6 +409,28 @@ def test_what_is_probably_not_meant_is_said(overrides, words, scene_file):
     assert any(words in warning for warning in scene_warnings(read_scene(scene_file, overrides)))
     regular = scene_warnings(read_scene(scene_file))
     assert not any(words in warning for warning in regular if "long for the fillet" not in warning)
+
+
+def test_damping_that_is_found_for_a_heavier_sheet_is_not_said_to_drag_it():
+    from lcmchain.check import scene_warnings
+
+    text = """
+    material = { preset = "MD600" }
+    blank = { size = ["60 mm", "60 mm"], edge_length = "10 mm", height = "0.502 mm" }
+    process = { mass_scaling = { factor = 4 }MORE }
+    [[tools]]
+    name = "punch"
+    shape = { type = "sphere_capped_punch", radius = "15 mm" }
+    position = "0 0 1.004 mm"
+    """
+    stroke = '{ type = "stroke", direction = [0, 0, -1], distance = "5 mm" }'
+    for led in (
+        f"motion = {stroke}",
+        f'[[stages]]\nname = "press"\nmotions.punch = {stroke}',
+    ):
+        for more, said in (("", False), (', mass_damping = "50 1/s"', True)):
+            told = scene_warnings(scene_from_text(text.replace("MORE", more) + led))
+            assert any("drags the sheet" in warning for warning in told) == said
 
 
 @pytest.mark.parametrize("name", ["hemisphere_holder", "hemisphere_free", "stl_tool"])

@@ -17,6 +17,7 @@ from lcmchain.fields.courses import joint_gaps, joint_nodes, joint_widths
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.mapping import MappingOptions, map_file
+from lcmchain.mesh.courses import Courses, outlines_of
 from lcmchain.mesh.mid_surface import MidSurfaceMesh, triangulate
 from lcmchain.scene import on_rung, scene_from_text
 
@@ -59,6 +60,16 @@ def pieces_of(faces):
     count = faces.max() + 1
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(count, count))
     return connected_components(graph, directed=False)[0]
+
+
+def test_the_rim_of_a_turned_blank_gives_its_courses_no_corner_twice():
+    for width in (60e-3, 80e-3, 80.00009e-3):
+        rim = 0.5 * np.array([[-width, -0.05], [width, -0.05], [width, 0.05], [-width, 0.05]])
+        for angle in range(-90, 91, 3):
+            for outline in outlines_of(rim, np.radians(angle), Courses(joints=(1e-3,))):
+                sides = np.roll(outline, -1, axis=0) - outline
+                assert np.hypot(*sides.T).min() > 1e-6
+                assert len(outline) == 4 or angle % 90 != 0, "a corner within a straight side"
 
 
 # --- the mesh -------------------------------------------------------------------------------------

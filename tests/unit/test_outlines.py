@@ -82,6 +82,21 @@ def loops_of(mesh):
 LONG_AT_45 = ("two holes", "narrow dart", "bent slit", "all")
 
 
+@pytest.mark.parametrize("short", [5e-8, 1.3e-7, 1e-6])
+def test_a_cut_from_the_rim_reaches_it_although_its_coordinates_are_rounded(short):
+    """As of 3.14961 in, half of which is written as 1.5748 in."""
+    x = 0.04 - short
+    cuts = {"slits": (((x, 0.0), (0.02, 0.0)),), "darts": (((x, 0.03), (0.02, 0.02), (x, 0.01)),)}
+    for kind, cut in cuts.items():
+        mesh = build_blank(blank_of(edge_length=6e-3, size=(0.08, 0.1), **{kind: cut}), THICKNESS)
+        exact = tuple(tuple((0.04 if a == x else a, b) for a, b in line) for line in cut)
+        whole = build_blank(
+            blank_of(edge_length=6e-3, size=(0.08, 0.1), **{kind: exact}), THICKNESS
+        )
+        assert mesh.pair_count == whole.pair_count, "a bridge is left at the rim"
+        assert np.abs(mesh.node_positions - whole.node_positions).max() <= short
+
+
 @pytest.mark.parametrize(
     ("name", "degrees"),
     [

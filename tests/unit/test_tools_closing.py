@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from lcmchain import pipeline
 from lcmchain.check import check_scene
 from lcmchain.effects.contact_depth import closest_gap
-from lcmchain.errors import InputError
+from lcmchain.errors import LIKELY_CAUSE, InputError, SimulationError
+from lcmchain.forming_run import FormingRun
 from lcmchain.model import build_model
 from lcmchain.scene import read_scene, scene_from_text
+from lcmchain.state import TIME
 
 SCENE = """
 title = "tools that close"
@@ -117,6 +120,34 @@ def test_a_punch_that_is_larger_than_its_hole_is_refused_with_tools_place_gap_an
     overlap = float(warning.split("overlap by ")[1].split(" mm")[0])
     # the pole lies 19 mm below the die's face, the cylinder of 15 mm above it in the hole of 14 mm
     assert 0.9 < overlap < 1.6
+
+
+@pytest.mark.parametrize(("reached", "blamed"), [(0.4, False), (0.9, True)])
+def test_a_run_that_a_guard_stops_blames_tools_that_have_left_no_space(
+    reached, blamed, tmp_path, monkeypatch
+):
+    def stopped_by_a_guard(self, checkpoint=None):
+        self.snapshots = [self.simulation.snapshot()]
+        self.simulation.state.clock[TIME] = reached * self.simulation.model.process_time
+        raise SimulationError(f"nodes are deep. {LIKELY_CAUSE}a soft contact; set a higher penalty")
+
+    monkeypatch.setattr(pipeline, "compile_loops", lambda *arguments: None)
+    monkeypatch.setattr(FormingRun, "complete", stopped_by_a_guard)
+    plates = [
+        PLATE.format(name="lower", side="below", z=0, motion='type = "fixed"'),
+        PLATE.format(
+            name="upper", side="above", z=1.1,
+            motion='type = "stroke", direction = [0, 0, -1], distance = "0.7 mm"',
+        ),
+    ]  # fmt: skip
+    quiet = "[output]\npictures = false\nvtu = false\nreport = false\n"
+    scene = scene_from_text(SCENE.format(tools="".join(plates)) + quiet)
+    with pytest.raises(SimulationError) as stopped:
+        pipeline.run(scene, tmp_path)
+    told = str(stopped.value)
+    assert told.startswith(f"nodes are deep. {LIKELY_CAUSE}")
+    assert ("no space for the sheet" in told) == blamed
+    assert ("soft contact" in told) != blamed
 
 
 @pytest.mark.parametrize("radius, found", [(15.4, 1), (15.6, 0), (17, 0)])

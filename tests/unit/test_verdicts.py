@@ -7,7 +7,11 @@ import pytest
 
 from lcmchain.fields import FrameSeries, build_datasets
 from lcmchain.fields.wrinkles import elements_per_wave
-from lcmchain.judgements.contact import hidden_compaction_warnings, penetration_warnings
+from lcmchain.judgements.contact import (
+    hidden_compaction_warnings,
+    penetration_warnings,
+    ply_depth_warnings,
+)
 from lcmchain.judgements.fields import field_warnings, wave_warnings
 from lcmchain.judgements.grades import Verdict, worst_grade
 from lcmchain.judgements.quasi_static import (
@@ -196,6 +200,9 @@ def test_a_depth_between_plies_is_judged_by_the_thinner_one(scene, datasets, par
     assert verdict.grade == grade
     assert f"top reach up to {part:.3f} mm into base, at 80 ms: {percent(part)}" in verdict.text
     assert bool(verdict.remedy_key) == (grade != "good")
+    warned = ply_depth_warnings({"stack": {"ply_depth": deepest}})
+    assert len(warned) == (grade == "bad")
+    assert all(f"{percent(part)} of the thinner one" in text for text in warned)
     assert "Depth between plies" not in judged(scene, datasets, stack={"ply_count": 2})
 
 

@@ -205,6 +205,7 @@ def test_nearness_of_locking_is_the_shear_over_the_angle_of_the_law(blank):
 def test_pairs_lock_by_their_own_angles_whatever_their_order(families, material):
     found = locking_angles(families)
     assert np.degrees([found[0], found[2]]) == pytest.approx([40.0, 50.0]) and found[1] is None
+    assert locking_angles(families.with_fibre_modulus(0.25)) == found
     assert locking_angles(material) == (None,)
 
 

@@ -161,6 +161,11 @@ WRONG = {
         replaced((PRESET, PRESET + 'plies = 4\n')), "material.plies",
         "it belongs into the top level; possible here: ",
     ),
+    "empty title": (replaced(('"Hemisphere"', '" "')), "title", "is empty; for example "),
+    "pressure in [[pressure]]": (
+        SCENE + '[[pressure]]\nname = "bag"\nface = "top"\npressure = "10 kPa"\n',
+        'pressure[0] "bag".pressure', "unknown key; possible here: ",
+    ),
     "holes": (
         replaced(("edge_length", "cutout = []\nedge_length")), "blank.cutout", "holes, darts and"
     ),

@@ -465,7 +465,8 @@ def _unknown_key(
             return f'unknown key here; it belongs into "{table}" ({table}.{name})'
     for depth in range(len(location) - 2, -1, -1):
         outer = model_at(location[:depth], data)
-        if outer is None or name not in outer.model_fields:
+        # the table that the key already stands in is no place to send it to
+        if outer is None or name not in outer.model_fields or location[depth] == name:
             continue
         if depth < len(at):
             return f"unknown key; it belongs into a scene, and this file holds its {at[-1]} alone"

@@ -105,6 +105,11 @@ def test_the_command_writes_what_it_says(units, tmp_path, capsys):
     assert record["left"]["y"].sizes == {"time": 41, "value_40": 40}
     assert record["coupling"].attrs["scheme"] == "IQN-ILS"
     assert record["coupling"].sizes["window"] == 40
+    exchanges = record["coupling"]["exchange_unit"]
+    unit_of = dict(zip(exchanges["exchange"].values, exchanges.values, strict=True))
+    assert next(u for name, u in unit_of.items() if name.startswith("one.position")) == "mm"
+    assert next(u for name, u in unit_of.items() if name.startswith("two.force")) == "N"
+    assert "units" not in record["coupling"]["residual"].attrs, "each exchange has its own"
     assert summary["final_values"]["one.position"] == record["one"]["position"].values[-1]
     said = capsys.readouterr()
     assert "40 windows to 2 s" in said.out and "rollbacks" in said.out
