@@ -86,8 +86,9 @@ class SimulationError(UnfinishedRun):
     """A run that a guard stopped: names element, position, time and likely cause."""
 
     def blame(self, cause: str) -> None:
-        """Name a cause that is known from elsewhere in place of the one that the guard guessed."""
-        self.args = (f"{str(self).partition(LIKELY_CAUSE)[0].strip()} {LIKELY_CAUSE}{cause}",)
+        """Name a cause that is known from elsewhere before the one that the guard tells."""
+        found, _, own = str(self).partition(LIKELY_CAUSE)
+        self.args = (f"{found.strip()} {LIKELY_CAUSE}{cause}" + (f"; else {own}" if own else ""),)
 
 
 class SimulationInterrupted(UnfinishedRun):

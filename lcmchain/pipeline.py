@@ -469,9 +469,9 @@ class _Job:
         self.tell(completed, text)
 
     def _blame_tools(self, error: SimulationError) -> None:
-        """Name tools that had left no space for the sheet as the cause of what a guard saw.
+        """Name tools that had left no space for the sheet first as the cause of what a guard saw.
 
-        No contact stiffness, mesh or pace cures that, whatever the guard advises.
+        Where it is that, no contact stiffness, mesh or pace cures it.
         """
         time = self.simulation.time
         closed = tools_that_close(self.scene, self.simulation.model, self.closing, until=time)
