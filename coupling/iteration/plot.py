@@ -93,8 +93,8 @@ def _draw_windows(counts: Axes, sizes: Axes, history: xr.Dataset) -> None:
         counts.legend(loc="upper right", ncols=3)
     sizes.set_ylabel("window [s]")
     if (history["window_size"].values > 0.0).any():
-        sizes.set_yscale("log")
         sizes.set_ylim(*_of_a_decade(history["window_size"].values))
+        sizes.set_yscale("log")
     sizes.set_xlabel("time [s]")
 
 

@@ -219,7 +219,8 @@ def _draw_ratios(axis, time, parts, error) -> None:
     axis.set_yscale("log")
     axis.set_ylim(1e-4, 1e3)
     axis.set_ylabel("ratio [%]")
-    axis.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02))
+    if axis.get_legend_handles_labels()[0]:  # else no ratio is above zero
+        axis.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02))
 
 
 def _draw_ratio(axis, time, percent, colour, label) -> None:
