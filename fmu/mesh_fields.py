@@ -3,7 +3,7 @@
 FMI knows arrays, but not where their entries lie. A unit that keeps this standard has a folder
 ``extra/org.lcmchain.fmi-ls-fields`` with three files (manual, page ``fields-of-units``):
 
-- ``fmi-ls-manifest.xml``: name and version of the standard (FMI 3.0.2, 2.6).
+- ``fmi-ls-manifest.xml``: name and version of the standard, as FMI 3.0.2 asks of layered standards.
 - ``fields.xml``: for every field its mesh, the location, the variable of the mesh file that says
   which entry a face has, unit, and how entries combine.
 - ``fields.nc``: the meshes, by the conventions of UGRID.
