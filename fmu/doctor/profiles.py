@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree.ElementTree import Element
+
+from lcmchain.fmu.doctor.rules.interface import Entry, Interface, whole
 
 TUNABLE = "tunable parameters"
 STATES = "saved states"
@@ -86,21 +87,6 @@ _ABILITIES = {
 }
 
 
-class _Variable(NamedTuple):
-    """What of a variable tells features; ``sizes`` are the references of its dimensions."""
-
-    type: str
-    causality: str
-    variability: str
-    reference: str
-    sizes: tuple[str, ...]
-    is_array: bool
-
-    @property
-    def is_parameter(self) -> bool:
-        return self.causality in _PARAMETERS or self.variability == "constant"
-
-
 def features_of(root: Element, folder: Path) -> tuple[str, ...]:
     """Return the features that a unit has, in the order of the profiles' chapter 2.
 
@@ -109,7 +95,7 @@ def features_of(root: Element, folder: Path) -> tuple[str, ...]:
     root : of its model description, of FMI 2.0 or 3.0.
     folder : into which the unit is unpacked.
     """
-    return tuple(_features(root, list(_variables(root)), folder))
+    return tuple(_features(Interface(root), folder))
 
 
 def profiles_for(features: tuple[str, ...]) -> tuple[str, ...]:
@@ -118,24 +104,25 @@ def profiles_for(features: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name, required in PROFILES.items() if needed <= required)
 
 
-def _features(root: Element, variables: list[_Variable], folder: Path) -> Iterator[str]:
-    if any(v.is_parameter and v.variability == "tunable" for v in variables):
+def _features(interface: Interface, folder: Path) -> Iterator[str]:
+    root, variables = interface.root, interface.variables
+    passed = [v for v in variables if v.causality in ("input", "output")]
+    others = [v for v in variables if v.causality not in ("input", "output")]
+    parameters = [v for v in others if _is_parameter(v)]
+    if any(_is_parameter(v) and v.variability == "tunable" for v in variables):
         yield TUNABLE
-    heads = [head for kind in ("CoSimulation", "ModelExchange")
-             if (head := root.find(kind)) is not None]  # fmt: skip
+    heads = [head for head in interface.kinds if head.tag != "ScheduledExecution"]
     able = {name for head in heads for name, value in head.attrib.items()
             if value in ("true", "1")}  # fmt: skip
-    passed = [v for v in variables if v.causality in ("input", "output")]
-    parameters = [v for v in variables if v.is_parameter and v.causality not in ("input", "output")]
     told = {feature for feature, names in _ABILITIES.items() if able.intersection(names)}
     yield from (feature for feature in (STATES, STORED_STATES) if feature in told)
-    if any(v.type == "String" for v in passed):
+    if any(v.kind == "String" for v in passed):
         yield TEXTS
-    if any(v.type == "Binary" for v in passed):
+    if any(v.kind == "Binary" for v in passed):
         yield BINARIES
-    if any(v.type == "Binary" for v in parameters):
+    if any(v.kind == "Binary" for v in parameters):
         yield BINARY_PARAMETERS
-    if any(v.type in _INTEGERS for v in passed + parameters):
+    if any(v.kind in _INTEGERS for v in passed + parameters):
         yield INTEGERS
     settable = {v.reference for v in variables if v.causality == "structuralParameter"}
     yield from _of_arrays(passed, settable, (ARRAYS, SIZED_ARRAYS, TIED_ARRAYS))
@@ -149,7 +136,7 @@ def _features(root: Element, variables: list[_Variable], folder: Path) -> Iterat
     if any(head.get("maxOutputDerivativeOrder", "0") != "0" for head in heads):
         yield OUTPUT_DERIVATIVES
     yield from (f for f in (DIRECTIONAL, ADJOINT, EARLY_RETURN, INTERMEDIATE) if f in told)
-    has_clocks = any(v.type == "Clock" for v in variables)
+    has_clocks = any(v.kind == "Clock" for v in variables)
     if has_clocks and root.find("CoSimulation") is not None:
         yield CLOCKS
     if root.find("ScheduledExecution") is not None:
@@ -165,36 +152,23 @@ def _features(root: Element, variables: list[_Variable], folder: Path) -> Iterat
         yield OTHER_BINARIES
 
 
+def _is_parameter(variable: Entry) -> bool:
+    return variable.causality in _PARAMETERS or variable.variability == "constant"
+
+
 def _of_arrays(
-    variables: list[_Variable], settable: set[str], names: tuple[str, str, str]
+    variables: list[Entry], settable: set[int], names: tuple[str, str, str]
 ) -> Iterator[str]:
     """Yield which of the three kinds of arrays are among variables."""
     fixed, sized, tied = names
-    sizes = [settable.intersection(v.sizes) for v in variables if v.is_array]
+    sizes = [
+        settable.intersection(whole(size.get("valueReference")) for size in v.dimensions)
+        for v in variables
+        if v.dimensions
+    ]
     if any(not own for own in sizes):
         yield fixed
     if any(sizes):
         yield sized
     if any(one & other for k, one in enumerate(sizes) for other in sizes[:k]):
         yield tied
-
-
-def _variables(root: Element) -> Iterator[_Variable]:
-    """Yield the variables of a description of FMI 2.0 or 3.0."""
-    listed = root.find("ModelVariables")
-    for element in () if listed is None else listed:
-        kind = element.tag
-        if kind == "ScalarVariable":  # FMI 2.0: the type is a child
-            types = ("Real", "Integer", "Boolean", "String", "Enumeration")
-            kind = next((child.tag for child in element if child.tag in types), "Real")
-        dimensions = element.findall("Dimension")
-        yield _Variable(
-            type=kind,
-            causality=element.get("causality", "local"),
-            variability=element.get("variability", "continuous"),
-            reference=element.get("valueReference", ""),
-            sizes=tuple(
-                d.attrib["valueReference"] for d in dimensions if "valueReference" in d.attrib
-            ),
-            is_array=bool(dimensions),
-        )

@@ -72,8 +72,11 @@ class PartCompiler(Compiler):
         library: CodeLibrary | None,
         *others: object,
     ) -> None:
-        library = PartLibrary(targetctx.codegen(), f"{PART}_{id(self)}")
-        super().__init__(typingctx, targetctx, library, *others)
+        super().__init__(typingctx, targetctx, self.own_library(targetctx), *others)
+
+    def own_library(self, targetctx: CPUContext) -> CodeLibrary:
+        """Return the library that takes the machine code, in place of the one that is given."""
+        return PartLibrary(targetctx.codegen(), f"{PART}_{id(self)}")
 
 
 class PartEntry:

@@ -23,15 +23,18 @@ import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.base import user_function
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary, JITCPUCodegen
-from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 
-from lcmchain.compilation.compiled_parts import PartDispatcher, PartEntry, PartLibrary
+from lcmchain.compilation.compiled_parts import (
+    PartCompiler,
+    PartDispatcher,
+    PartEntry,
+    PartLibrary,
+)
 from lcmchain.compilation.references import ReferenceType
 
 if TYPE_CHECKING:  # numba may move what it does not publish
     from numba.core.codegen import CodeLibrary
-    from numba.core.typing.context import Context
 
 PREFIX = "lcmchain.standalone."
 CALLER = "caller"  # kinds of what is kept on disk, beside numba's own
@@ -56,19 +59,13 @@ class StandaloneLibrary(JITCodeLibrary):
         return with_what_it_calls(self, (self.name, STANDALONE, data))
 
 
-class StandaloneCompiler(Compiler):
+class StandaloneCompiler(PartCompiler):
     """Numba's compiler, which makes the library of a standalone function."""
 
-    def __init__(
-        self,
-        typingctx: Context,
-        targetctx: CPUContext,
-        library: CodeLibrary | None,
-        *others: object,
-    ) -> None:
+    def own_library(self, targetctx: CPUContext) -> CodeLibrary:
         library = StandaloneLibrary(targetctx.codegen(), f"{STANDALONE}_{id(self)}")
         library.enable_object_caching()
-        super().__init__(typingctx, targetctx, library, *others)
+        return library
 
 
 class StandaloneDispatcher(PartDispatcher):

@@ -12,6 +12,7 @@ from lcmchain.coupling.cosimulation.archive import read_xml
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fmu.doctor.rules.interface import Interface, rule
+from lcmchain.fmu.doctor.rules.variables import size_of
 from lcmchain.fmu.mesh_fields import (
     FIELDS_FILE,
     FOLDER,
@@ -93,10 +94,5 @@ def _size(interface: Interface, name: str) -> int | None:
     entry = interface.by_name.get(name)
     if entry is None or len(entry.dimensions) != 1:
         return None
-    (dimension,) = entry.dimensions
-    if "start" not in dimension:
-        size = interface.by_reference.get(int(dimension.get("valueReference", -1)))
-        start = None if size is None or size.start is None else size.start[0]
-    else:
-        start = dimension["start"]
-    return int(start) if start is not None and start.isdecimal() else None
+    size = size_of(interface, entry.dimensions[0])
+    return size if isinstance(size, int) else None

@@ -331,7 +331,7 @@ def dimensions(interface: Interface) -> Iterator[str]:
         if entry.dimensions and entry.causality == "structuralParameter":
             yield f"the structural parameter {entry} has dimensions"
             continue
-        sizes = [_size(interface, dimension) for dimension in entry.dimensions]
+        sizes = [size_of(interface, dimension) for dimension in entry.dimensions]
         problem = next((size for size in sizes if isinstance(size, str)), None)
         if problem is not None:
             yield f"{entry} has a dimension {problem}"
@@ -341,7 +341,7 @@ def dimensions(interface: Interface) -> Iterator[str]:
             yield f"{entry} has {count} entries, but {len(entry.start)} start values"
 
 
-def _size(interface: Interface, dimension: dict[str, str]) -> int | str:
+def size_of(interface: Interface, dimension: dict[str, str]) -> int | str:
     """Return the size of a dimension, or what is wrong with it."""
     text = dimension.get("start")
     if (text is None) == ("valueReference" not in dimension):
