@@ -66,7 +66,8 @@ def map_fields(
         Path, typer.Argument(metavar="TARGET", help="Solver deck, or any other mesh file.")
     ],
     out: Annotated[
-        Path, typer.Option("--out", metavar="F", help="F.nc or F.vtu; the other is written too.")
+        Path,
+        typer.Option("--out", "-o", metavar="F", help="F.nc or F.vtu; the other is written too."),
     ],
     kind: Annotated[
         str, typer.Option(help="What the mesh is for: infiltration or structure.")

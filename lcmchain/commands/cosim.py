@@ -30,7 +30,9 @@ def cosim(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the results; default results/SYSTEM."),
+        typer.Option(
+            "--out", "-o", metavar="DIR", help="Folder of the results; default results/SYSTEM."
+        ),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint in DIR.")

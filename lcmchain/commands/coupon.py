@@ -203,7 +203,9 @@ CouponFile = Annotated[
 ]
 CouponFolder = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/<data>."),
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<data>."
+    ),
 ]
 NoiseFloor = Annotated[
     float, typer.Option(help="Smallest noise, relative to the largest measured value.")

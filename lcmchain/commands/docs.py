@@ -29,7 +29,9 @@ def docs(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Build into this new folder; default the cache."),
+        typer.Option(
+            "--out", "-o", metavar="DIR", help="Build into this new folder; default the cache."
+        ),
     ] = None,
     regenerate: Annotated[
         bool,
@@ -93,7 +95,9 @@ def _open(file: Path) -> None:
 def schema(
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Write to a file instead of the terminal."),
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="Write to a file instead of the terminal."
+        ),
     ] = None,
 ) -> None:
     """Print the JSON Schema of scene files, for completion and checks in editors."""

@@ -111,7 +111,7 @@ NeedsTool = Annotated[
 @fmu_app.command("build")
 def fmu_build(
     scene: SceneFile,
-    out: Annotated[Path, typer.Option("-o", "--out", metavar="F.fmu", help="The unit to write.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="F.fmu", help="The unit to write.")],
     fmi: Annotated[
         int, typer.Option("--fmi", metavar="2|3", help="Version of the standard: 2.0 or 3.0.")
     ] = 2,

@@ -26,7 +26,7 @@ new_app = typer.Typer(
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="FILE", help="Scene file, or a folder for scene.toml; default CASE."
+        "--out", "-o", metavar="FILE", help="Scene file, or a folder for scene.toml; default CASE."
     ),
 ]
 
@@ -261,7 +261,9 @@ PortsFile = Annotated[
         "of LCMsim default _pset.csv beside the mesh.",
     ),
 ]
-CaseFile = Annotated[Path, typer.Option("--out", metavar="FILE.toml", help="Case that is written.")]
+CaseFile = Annotated[
+    Path, typer.Option("--out", "-o", metavar="FILE.toml", help="Case that is written.")
+]
 
 
 @import_app.command("rtmsim")

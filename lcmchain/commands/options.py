@@ -55,7 +55,9 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 OutFolder = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/<scene>."),
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<scene>."
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -79,7 +81,7 @@ Strict = Annotated[
 ]
 Results = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder of the results; default results/NAME."),
+    typer.Option("--out", "-o", metavar="DIR", help="Folder of the results; default results/NAME."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")]
 

@@ -45,7 +45,7 @@ NetUnit = Annotated[
 @pattern_app.command("section")
 def section(
     source: Source,
-    out: Annotated[Path, typer.Option("--out", metavar="F.csv", help="Table to write.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="F.csv", help="Table to write.")],
     point: Annotated[
         str, typer.Option("--point", metavar="POINT", help="Point of the plane.")
     ] = "0 0 0 mm",
@@ -69,7 +69,7 @@ def section(
 @pattern_app.command("draw-in")
 def draw_in(
     source: Source,
-    out: Annotated[Path, typer.Option("--out", metavar="F.csv", help="Table to write.")],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="F.csv", help="Table to write.")],
     ply: Ply = None,
     frame: SavedFrame = -1,
 ) -> None:
@@ -89,7 +89,8 @@ def trim(
     source: Source,
     net: Net,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Line on the flat blank: .csv or .dxf.")
+        Path,
+        typer.Option("--out", "-o", metavar="FILE", help="Line on the flat blank: .csv or .dxf."),
     ],
     length_unit: NetUnit = None,
     ply: Ply = None,

@@ -14,7 +14,7 @@ verify_app = typer.Typer(no_args_is_help=True, help="Judge element, solver and c
 
 MarkdownFile = Annotated[
     Path | None,
-    typer.Option("--out", metavar="FILE.md", help="Write the table as Markdown too."),
+    typer.Option("--out", "-o", metavar="FILE.md", help="Write the table as Markdown too."),
 ]
 
 

@@ -8,12 +8,14 @@ import types
 from pathlib import Path
 
 import pytest
+import typer.main
 from rich.table import Table
 
 from lcmchain import cli
 from lcmchain.commands import run as run_command
 from lcmchain.commands.options import default_out
 from lcmchain.errors import InputError, SimulationError
+from lcmchain.manual.command_reference import leaf_commands
 from lcmchain.scene import read_scene, scene_from_text
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -108,6 +110,22 @@ def test_no_command_shows_the_help(capsys):
     assert exit_code() == 2
     captured = capsys.readouterr()
     assert "Usage" in captured.out + captured.err
+
+
+def test_what_everybody_types_first_is_known(capsys):
+    """``-h`` wherever ``--help`` is, and ``-o`` wherever ``--out`` is."""
+    for arguments in (["-h"], ["fmu", "build", "-h"]):
+        assert exit_code(*arguments) == 0
+        assert "Usage" in capsys.readouterr().out
+    commands = dict(leaf_commands(typer.main.get_command(cli.app), "lcmchain"))
+    outs = {
+        name: option.opts
+        for name, command in commands.items()
+        for option in command.params
+        if "--out" in option.opts
+    }
+    assert len(outs) > 10
+    assert all("-o" in spellings for spellings in outs.values()), outs
 
 
 @pytest.mark.parametrize("arguments", [["run"], ["walk"], ["run", "--threads", "0", "a.toml"]])
