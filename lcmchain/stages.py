@@ -20,16 +20,22 @@ from lcmchain.effects.face_pressure import (
     common_times,
     regional_shares,
 )
-from lcmchain.effects.grippers import RAMP_PART, Grip, Gripper, GripperTable
+from lcmchain.effects.grippers import RAMP_PART, Grip, Gripper, GripperTable, motion_of_grip
 from lcmchain.effects.process.pace import PaceLaw, pace_law
-from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable, translation
+from lcmchain.effects.supports import TABLE_SIZE, Support, SupportTable
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.scene.stages import StagePlan
-from lcmchain.tools.motion import FIXED, GUIDED, PRESCRIBED, StrokeMotion, TableMotion
+from lcmchain.tools.motion import (
+    FIXED,
+    GUIDED,
+    PRESCRIBED,
+    StrokeMotion,
+    TableMotion,
+    TurnMotion,
+)
 from lcmchain.tools.motion.base import TABULATED
-from lcmchain.tools.motion.prescribed import travel_along
 from lcmchain.tools.table import ToolTable
 
 #: Columns of the tool table that a motion gives one number for.
@@ -392,9 +398,8 @@ def _supports_in_stage(
     affine[:] = np.eye(3, 4)
     release_time, release_force = table.release_time.copy(), table.release_force.copy()
     for group, (grip, working) in enumerate(zip(holding, works, strict=True), start=first):
-        motion = plan.grip_motions[_entry(grip, grippers)]
-        if isinstance(motion, StrokeMotion | TableMotion) and motion.moves:
-            led = translation(motion.direction, travel_along(motion, plan.time))
+        led = motion_of_grip(plan.grip_motions[_entry(grip, grippers)], plan.time)
+        if led is not None:
             affine[group] = [led(time) for time in times]
             slope[group] = np.gradient(affine[group], axis=0, edge_order=2)
             slope[group, 0] = 0.0  # everything starts at rest
@@ -461,7 +466,7 @@ def _settled(
     for motion in plan.grip_motions:
         if isinstance(motion, TableMotion):
             ends.append(plan.start + motion.times[-1])
-        elif isinstance(motion, StrokeMotion) and motion.moves:
+        elif isinstance(motion, StrokeMotion | TurnMotion) and motion.moves:
             ends.append(plan.start + (plan.time if motion.end is None else motion.end))
     if pulls is not None:
         ends.append(float((pulls.begin + pulls.ramp).max()))

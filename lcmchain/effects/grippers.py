@@ -19,7 +19,7 @@ Fields: ``history_gripper_force``, ``history_gripper_travel``; their work is in 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple, Self
 
@@ -28,7 +28,7 @@ from pydantic import Field, model_validator
 from scipy.sparse import coo_array
 
 from lcmchain.effects.effect import Effect, EffectModel
-from lcmchain.effects.supports import Support, translation
+from lcmchain.effects.supports import Support, rotation, translation
 from lcmchain.elements.family import Body
 from lcmchain.errors import InputError
 from lcmchain.mesh.lines import outward, pieces_along
@@ -54,7 +54,7 @@ from lcmchain.quantities.entry_types import (
 from lcmchain.tools.motion import (
     FixedMotion,
     GuidedMotion,
-    Motion,
+    LeadingMotion,
     StrokeMotion,
     TableMotion,
     TurnMotion,
@@ -96,7 +96,7 @@ class Gripper(NamedPlace):
     hold: Annotated[Annotated[str, Text("xyz")] | None, AbsentMeans("")] = Field(
         default=None, description="Directions in which the place is held, of x, y and z."
     )
-    motion: Motion = Field(
+    motion: LeadingMotion = Field(
         default_factory=FixedMotion, description="How a place that is held in xyz is led."
     )
     force: Annotated[ForceOrZero | None, AbsentMeans("0 N")] = Field(
@@ -186,8 +186,6 @@ class Gripper(NamedPlace):
             raise wrong(
                 "belongs to a gripper that pulls; give release_time", field="release_travel"
             )
-        if isinstance(self.motion, GuidedMotion):
-            raise wrong("is guided; a gripper is led by a stroke or a table", field="motion.type")
         require_leading(self.motion, "motion")
         if self.motion.moves and hold != "xyz":
             raise wrong(f'leads the place, but hold is "{hold}"; give "xyz"', field="motion")
@@ -252,24 +250,34 @@ class Grip:
 
     def support(self, process_time: float) -> Support:
         """Return the support of a gripper that holds."""
-        motion = None
-        led = self.settings.motion
-        if isinstance(led, StrokeMotion | TableMotion):
-            motion = translation(led.direction, travel_along(led, process_time))
         return Support(
             self.name,
             self.nodes,
             self.settings.hold or "",
-            motion,
+            motion_of_grip(self.settings.motion, process_time),
             release_time=_or_never(self.settings.release_time),
             release_force=_or_never(self.settings.release_force),
         )
 
 
+def motion_of_grip(motion: ToolMotion, time: float) -> Callable[[float], np.ndarray] | None:
+    """Return what a gripper leads its place by, as of :class:`Support`; None where it stays.
+
+    time : of the process or the stage [s], in which the motion ends where it does not say when.
+    """
+    if isinstance(motion, TurnMotion):
+        return rotation(motion.axis, motion.point, travel_along(motion, time))
+    if isinstance(motion, StrokeMotion | TableMotion) and motion.moves:
+        return translation(motion.direction, travel_along(motion, time))
+    return None
+
+
 def require_leading(motion: ToolMotion, key: str) -> None:
     """Refuse a motion by which no gripper leads; the error names the key."""
-    if isinstance(motion, TurnMotion):
-        raise wrong("turns; a gripper is led by a stroke or a table", field=f"{key}.type")
+    if isinstance(motion, GuidedMotion):
+        raise wrong(
+            "is guided; a gripper is led by a stroke, a table or a turn", field=f"{key}.type"
+        )
     if getattr(motion, "until_force", None) is not None:
         raise wrong(
             "belongs to the stroke of a tool; a gripper lets go by release_force",

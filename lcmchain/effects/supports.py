@@ -80,6 +80,27 @@ def translation(
     return lambda time: np.column_stack([np.eye(3), travel(time) * along])
 
 
+def rotation(
+    axis: ArrayLike, point: ArrayLike, angle: Callable[[float], float]
+) -> Callable[[float], np.ndarray]:
+    """Return the motion of a grip that turns by ``angle(time)`` [rad] about an axis.
+
+    Right-handed about ``axis`` through ``point`` [m], which stays where it is.
+    Source: Rodrigues' formula, e.g. Bonet & Wood, "Nonlinear Continuum Mechanics", section 2.2.
+    """
+    along = np.asarray(axis, dtype=float)
+    along = along / np.linalg.norm(along)
+    center = np.asarray(point, dtype=float)
+    cross = np.cross(np.eye(3), along)  # cross @ x is along × x
+
+    def motion(time: float) -> np.ndarray:
+        turned = angle(time)
+        r = np.eye(3) + math.sin(turned) * cross + (1.0 - math.cos(turned)) * cross @ cross
+        return np.column_stack([r, center - r @ center])
+
+    return motion
+
+
 def build_supports(
     supports: Sequence[Support], positions: np.ndarray, process_time: float
 ) -> tuple[SupportTable | None, np.ndarray | None]:

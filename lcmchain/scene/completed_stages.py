@@ -33,7 +33,6 @@ from lcmchain.scene.stages import (
 )
 from lcmchain.scene.tables import SceneTables
 from lcmchain.tools.motion import (
-    GUIDED,
     StrokeMotion,
     TableMotion,
     TurnMotion,
@@ -301,8 +300,6 @@ def _require_led(gripper: Gripper, stage: Stage, key: str) -> None:
             f'"{stage.name}" to its stages, or leave the motion out',
             field=key,
         )
-    if motion.kind == GUIDED:
-        raise wrong("is guided; a gripper is led by a stroke or a table", field=f"{key}.type")
     require_leading(motion, key)
     if motion.moves and gripper.hold != "xyz":
         raise wrong(f'leads the gripper "{gripper.name}"; give it hold = "xyz"', field=key)

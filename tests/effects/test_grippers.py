@@ -316,6 +316,64 @@ def test_a_net_without_forces_drops_them():
     assert on_rung(scene, "kinematic").source.left_out == ("grippers",)
 
 
+TWIST = """
+blank = { size = ["60 mm", "20 mm"], edge_length = "10 mm" }
+material = { preset = "MD600" }
+
+[[grippers]]
+name = "held"
+box = ["30 -10 -1 mm", "30 10 1 mm"]
+hold = "xyz"
+
+[[grippers]]
+name = "turned"
+box = ["-30 -10 -1 mm", "-30 10 1 mm"]
+hold = "xyz"
+"""
+ONE_TURN = 'motion = { type = "turn", axis = [2, 0, 0], point = "0 3 0 mm", angle = "%g deg" }'
+TWO_TURNS = """
+[[stages]]
+name = "there"
+time = "20 ms"
+motions.turned = { type = "turn", axis = [1, 0, 0], point = "0 3 0 mm", angle = "25 deg" }
+
+[[stages]]
+name = "on"
+time = "20 ms"
+motions.turned = { type = "turn", axis = [1, 0, 0], point = "0 3 0 mm", angle = "15 deg" }
+"""
+
+
+def about_the_strip(points, degrees):
+    """Points (3, n) turned about the line along x at y = 3 mm."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    y, z = points[1] - 3e-3, points[2]
+    return np.array([points[0], 3e-3 + c * y - s * z, s * y + c * z])
+
+
+def test_a_gripper_leads_by_a_turn():
+    """The end of a strip on a screw's way without its pitch; its moment is the work."""
+    process = 'process = { time = "20 ms", mass_damping = "0 1/s" }\n'
+    simulation = simulation_of(text=process + TWIST + ONE_TURN % 40.0)
+    start, nodes = simulation.state.position.copy(), simulation.model.grips[1].nodes
+    simulation.advance_to(simulation.model.process_time)
+    found = simulation.state.position[:, nodes]
+    assert np.abs(found - about_the_strip(start[:, nodes], 40.0)).max() < 1e-9
+    energy = simulation.energy()
+    assert energy["external"] > 1e-4
+    assert abs(energy["balance_error"]) < 1e-3 * energy["external"]
+
+
+def test_turns_of_a_gripper_in_stages_go_on_from_each_other():
+    process = 'process = { mass_damping = "100 1/s" }\n'
+    simulation = simulation_of(text=process + TWIST + TWO_TURNS)
+    start, nodes = simulation.state.position.copy(), simulation.model.grips[1].nodes
+    for time, angle in ((20e-3, 25.0), (40e-3, 40.0)):
+        simulation.advance_to(time)
+        found = simulation.state.position[:, nodes]
+        assert np.abs(found - about_the_strip(start[:, nodes], angle)).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("left_out", "overrides", "message"),
     [

@@ -255,13 +255,6 @@ def test_turns_that_are_none_are_named(motion, stages, said):
         sheet(motion, stages=stages)
 
 
-def test_no_gripper_leads_by_a_turn():
-    motion = turn([0, 0, 1], 5.0)
-    clamp = f'[[grippers]]\nname = "other"\nrim = true\nhold = "xyz"\nmotion = {motion}\n'
-    with pytest.raises(InputError, match="other.*turns; a gripper is led by a stroke or a table"):
-        sheet('{ type = "fixed" }', more=clamp)
-
-
 UPPER = """
 [[tools]]
 name = "upper"

@@ -33,6 +33,12 @@ Motion = Annotated[
     Field(discriminator="type"),
 ]
 
+#: Of what leads without a mass of its own.
+LeadingMotion = Annotated[
+    FixedMotion | StrokeMotion | TableMotion | TurnMotion,
+    Field(discriminator="type"),
+]
+
 __all__ = [
     "FIXED",
     "GUIDED",
@@ -40,6 +46,7 @@ __all__ = [
     "STANDARD_GRAVITY",
     "FixedMotion",
     "GuidedMotion",
+    "LeadingMotion",
     "Motion",
     "StrokeMotion",
     "TableMotion",
