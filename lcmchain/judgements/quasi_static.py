@@ -127,9 +127,8 @@ def process_time_remarks(scene: Scene, needed: ProcessTime) -> list[str]:
         return []
     given = f"process.time = {time_entry(time)} is"
     if scene.stages:
-        given = (
-            f"the stages in which tools are led take {milliseconds_text(time)} together, which is"
-        )
+        taken = milliseconds_text(time)
+        given = f"the stages in which the sheet is led take {taken} together, which is"
     return [
         f"{given} shorter than {PERIODS[0]} periods "
         f"of the slowest shear vibration of the sheet ({milliseconds_text(needed.period)} each): "
@@ -152,7 +151,7 @@ def process_time_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[V
             text += f", and took {milliseconds_text(pace['sheet_time_s'])}"
         yield Verdict("Process time", GOOD, text)
         return
-    led = " in the stages in which tools are led" if scene.stages else ""
+    led = " in the stages in which the sheet is led" if scene.stages else ""
     grade = grade_of(-time, -needed["least_s"], -needed["shear_period_s"])
     text = (
         f"{1e3 * time:.4g} ms{led}; the sheet, whose slowest shear vibration takes "

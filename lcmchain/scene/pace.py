@@ -1,4 +1,4 @@
-"""What sets the pace of a process: tools that are led along their way, or weight and forces."""
+"""What sets the pace of a process: tools and grippers on a given way, or weight and forces."""
 
 from __future__ import annotations
 
@@ -11,22 +11,30 @@ from lcmchain.effects.switches import settings_of
 from lcmchain.quantities.readable import time_entry, two_digits_up
 from lcmchain.scene.tables import SceneTables
 from lcmchain.thresholds import LARGEST_KINETIC_PART
-from lcmchain.tools.motion import GUIDED
+from lcmchain.tools.motion import GUIDED, ToolMotion
 
 
 def is_driven(scene: SceneTables) -> bool:
-    """Tell whether anything moves the sheet at all."""
-    return scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
+    """Tell whether tools, grippers that lead or weight move the sheet."""
+    moves = scene.process.gravity or any(tool.motion.moves for tool in scene.tools)
+    return moves or is_led(scene)
 
 
 def is_led(scene: SceneTables) -> bool:
-    """Tell whether a stroke or a table drives a tool: else weight and forces set the pace."""
-    return bool(led_tools(scene))
+    """Tell whether a tool or gripper goes its way in a given time: else forces set the pace."""
+    return bool(led_tools(scene)) or any(
+        gripper.leads or any(_leads(stage.motions.get(gripper.name)) for stage in scene.stages)
+        for gripper in scene.grippers
+    )
+
+
+def _leads(motion: ToolMotion | None) -> bool:
+    return motion is not None and motion.moves and motion.kind != GUIDED
 
 
 def led_tools(scene: SceneTables) -> list[str]:
-    """Return the names of the tools that a stroke or a table drives."""
-    return [t.name for t in scene.tools if t.motion.moves and t.motion.kind != GUIDED]
+    """Return the names of the tools that a stroke, a table or a turn drives."""
+    return [tool.name for tool in scene.tools if _leads(tool.motion)]
 
 
 def has_guided_load(scene: SceneTables) -> bool:
@@ -48,7 +56,7 @@ def led_time(scene: SceneTables) -> float:
     return math.fsum(
         stage.time or 0.0
         for stage in scene.stages
-        if any(motion.moves and motion.kind != GUIDED for motion in stage.motions.values())
+        if any(_leads(motion) for motion in stage.motions.values())
     )
 
 

@@ -140,12 +140,14 @@ def _paces(scene: Scene) -> Iterator[str]:
         yield "resin flows meanwhile, which has times of its own"
     if scene.stages:
         yield "the stages have times of their own"
-    if not is_led(scene) and (is_driven(scene) or scene.tools or scene.pressure):
+    if not is_led(scene) and (is_driven(scene) or scene.tools or scene.pressure or scene.grippers):
         yield "weight and forces set the pace, whatever process.time is"
     given = {key for key, _ in scene.source.given}
-    for tool in scene.tools:
-        key = f"tools.{tool.name}.motion"
-        if isinstance(tool.motion, TableMotion):
+    moving = [("tools", tool.name, tool.motion) for tool in scene.tools]
+    moving += [("grippers", gripper.name, gripper.motion) for gripper in scene.grippers]
+    for kind, name, motion in moving:
+        key = f"{kind}.{name}.motion"
+        if isinstance(motion, TableMotion):
             yield f"the table of {key} has times of its own"
         yield from _times_given(given, key, ("start", "end"))
     for pressure in scene.pressure:

@@ -11,6 +11,7 @@ import xarray as xr
 
 from lcmchain.check import check_scene
 from lcmchain.judgements.quasi_static import (
+    ProcessTime,
     idle_energy,
     process_time_needed,
     process_time_remarks,
@@ -121,11 +122,11 @@ time = "400 ms"
 """
 
 
-def test_stages_are_too_fast_if_those_are_in_which_tools_are_led():
+def test_stages_are_too_fast_if_those_are_in_which_the_sheet_is_led():
     """A long wait slows nothing, and process.time is no entry of a scene with stages."""
     report = check_scene(scene_from_text(STAGES.format(time=30)))
     (warning,) = [text for text in report.warnings if "3 periods" in text]
-    assert "tools are led take 30 ms together, which is shorter" in warning
+    assert "the sheet is led take 30 ms together, which is shorter" in warning
     assert "use times of the [[stages]] that are 2.3 times as long or more" in warning
     assert not any("process.time" in text for text in report.warnings)
     assert process_time_remarks(scene_from_text(STAGES.format(time=67)), report.needed) == []
@@ -257,6 +258,37 @@ def test_what_weight_and_force_drive_is_not_told_to_take_longer():
     for text in found:
         assert "process.time =" not in text and "kinetic_to_internal_end" in text
     assert "slow the way with tools.motion.ramp or tools.motion.damping" in found[0]
+
+
+GRIPPED = """
+{process}
+blank = {{ size = ["200 mm", "120 mm"], edge_length = "10 mm" }}
+material = {{ preset = "MD600" }}
+[[grippers]]
+name = "end"
+box = ["-101 -61 -1 mm", "-99 61 1 mm"]
+{what}
+{stages}
+"""
+LEAD = '{ type = "turn", axis = [1, 0, 0], point = "0 0 0 mm", angle = "30 deg" }'
+IN_A_STAGE = f'[[stages]]\nname = "on"\ntime = "30 ms"\nmotions.end = {LEAD}'
+
+
+@pytest.mark.parametrize(
+    ("time", "what", "stages", "asked"),
+    [
+        ("30 ms", f'hold = "xyz"\nmotion = {LEAD}', "", "process.time ="),
+        ("", 'hold = "xyz"', IN_A_STAGE, "times of the [[stages]]"),
+        ("30 ms", 'force = "5 N"\noutward = true', "", "process.mass_damping"),
+    ],
+)
+def test_a_gripper_that_leads_sets_the_pace_and_one_that_pulls_does_not(time, what, stages, asked):
+    process = f'process = {{ time = "{time}" }}' if time else ""
+    gripped = scene_from_text(GRIPPED.format(process=process, what=what, stages=stages))
+    (warning,) = warnings_of(measured([0.4, 0.4] + 8 * [0.0]), gripped)
+    assert asked in warning
+    remarks = process_time_remarks(gripped, ProcessTime(0.1, 0.1, {}))
+    assert [asked in remark for remark in remarks] == ([] if "force" in what else [True])
 
 
 def test_hourglass_energy_is_warned_of_with_the_edge_length_that_ends_it():
