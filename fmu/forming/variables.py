@@ -140,6 +140,8 @@ STACK_SCALARS = tuple(
 BETWEEN_SCALARS = (
     ("ply_pressure_max", "Pa", "Pressure", BETWEEN,
      "largest pressure of another ply on a face in the last step of the solver"),
+    ("slip_max", "m", "Length", BETWEEN,
+     "largest distance that a node has slid on other plies since the start"),
     ("slip_path_max", "m", "Length", BETWEEN,
      "longest way that a node has slid on other plies since the start, to and fro"),
     ("sliding_part", "1", "Fraction", BETWEEN,

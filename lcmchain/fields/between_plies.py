@@ -42,14 +42,24 @@ class ContactOfFaces:
 
     def __init__(self) -> None:
         self._pressure: list[float] = []
+        self._slip: list[float] = []
         self._path: list[float] = []
         self._touching = self._sliding = 0.0
 
     def add(
-        self, pressure: np.ndarray, path: np.ndarray, state: np.ndarray, area: np.ndarray
+        self,
+        pressure: np.ndarray,
+        slip: np.ndarray,
+        path: np.ndarray,
+        state: np.ndarray,
+        area: np.ndarray,
     ) -> None:
-        """Add the nodes (n,) of a face: pressure [Pa], slip path [m], state and area [m²]."""
+        """Add a face: of its n nodes pressure [Pa], slip (n, 3) and its path [m], state, area [m²].
+
+        All others (n,).
+        """
         self._pressure.append(float(pressure.max()))
+        self._slip.append(float(np.linalg.norm(slip, axis=1).max()))
         self._path.append(float(path.max()))
         self._touching += float(area[state != APART].sum())
         self._sliding += float(area[state == SLIDES].sum())
@@ -60,6 +70,7 @@ class ContactOfFaces:
             return {}
         return {
             "ply_pressure_max_Pa": max(self._pressure),
+            "slip_max_m": max(self._slip),
             "slip_path_max_m": max(self._path),
             "sliding_part": self._sliding / self._touching if self._touching else 0.0,
         }
@@ -91,7 +102,8 @@ class BetweenPlies:
     def add_to(self, contact: ContactOfFaces, nodes: slice) -> None:
         """Add one face of the ply, as it is in the last frame."""
         rows, area = self.rows[-1][:, nodes], self.area[-1][nodes]
-        contact.add(rows[PRESSED] / area, rows[SLID_PATH], rows[CONTACT], area)
+        slip = rows[SLID : SLID + 3].T
+        contact.add(rows[PRESSED] / area, slip, rows[SLID_PATH], rows[CONTACT], area)
 
     def fields(self, side: str, nodes: slice) -> dict[str, Described]:
         """Return values (F, n) and attributes of every variable of one face of the ply."""

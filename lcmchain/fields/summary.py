@@ -115,8 +115,9 @@ def stack_summary(datasets: Mapping[str, xr.Dataset], *, frame: int = -1) -> dic
     ``stack`` with ``ply_count`` and names of ``films``, which count in none of the others,
     ``thickness_min_m``, ``thickness_max_m``, ``fibre_mass_kg`` and
     the largest fibre volume fraction: those of all plies over each other. Where plies touch both
-    have ``ply_pressure_max_Pa``, ``slip_path_max_m`` and ``sliding_part``, and ``stack`` has
-    ``ply_depth``, the largest depth of a node in another ply, of all frames. Nothing for one sheet.
+    have ``ply_pressure_max_Pa``, ``slip_max_m``, ``slip_path_max_m`` and ``sliding_part``, and
+    ``stack`` has ``ply_depth``, the largest depth of a node in another ply, of all frames. Nothing
+    for one sheet.
     """
     sheets = {name: groups[SHEET] for name, groups in plies_of(datasets)}
     plies = {
@@ -157,7 +158,7 @@ def _between_plies(sheets: Sequence[xr.Dataset], frame: int) -> dict[str, float]
                 sheet[f"{name}_{side}"].values[frame]
                 for name in ("ply_pressure", "slip_path", "ply_contact")
             )
-            contact.add(pressure, path, state, area)
+            contact.add(pressure, vector(sheet, f"slip_{side}", frame), path, state, area)
     return contact.measures()
 
 

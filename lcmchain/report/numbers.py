@@ -61,7 +61,7 @@ def ply_numbers(summary: Mapping[str, Any]) -> list[Number]:
             risk = _risky_part(ply["wrinkle_risk_part"])
             parts.append(f"wrinkle risk up to {ply['wrinkle_risk_max']:.2f}, {risk}")
         if "slip_path_max_m" in ply:
-            parts.append(f"slid on others by up to {1e3 * ply['slip_path_max_m']:.2f} mm")
+            parts.append(f"slid on others by {_slip(ply)}")
         value = "film" if name in films else "without fibres"
         if "shear_angle_max_rad" in ply:
             angle = math.degrees(ply["shear_angle_max_rad"])
@@ -86,8 +86,12 @@ def _stack(summary: Mapping[str, Any]) -> Iterator[Number]:
             f"pressure up to {1e-3 * stack['ply_pressure_max_Pa']:.3g} kPa, "
             f"{percent(stack['sliding_part'])} of what touches slides in the last step"
         )
-        path = 1e3 * stack["slip_path_max_m"]
-        yield Number("Slip between plies", f"up to {path:.2f} mm of way", meaning)
+        yield Number("Slip between plies", _slip(stack), meaning)
+
+
+def _slip(measures: Mapping[str, Any]) -> str:
+    slip, path = 1e3 * measures["slip_max_m"], 1e3 * measures["slip_path_max_m"]
+    return f"up to {slip:.2f} mm (to and fro {path:.2f} mm)"
 
 
 def _shape(summary: Mapping[str, Any]) -> Iterator[Number]:

@@ -124,7 +124,7 @@ def test_extrema_without_a_ply_are_those_of_all_plies(simulated):
         assert recorded[f"{name}_{end}"][-1] == (min if end == "min" else max)(of_plies)
 
 
-BETWEEN = ("ply_pressure_max", "slip_path_max", "sliding_part")
+BETWEEN = ("ply_pressure_max", "slip_max", "slip_path_max", "sliding_part")
 
 
 def test_what_happens_between_the_plies_is_that_of_the_file(simulated):
@@ -134,9 +134,10 @@ def test_what_happens_between_the_plies_is_that_of_the_file(simulated):
     for prefix, entries in zip(
         ("", *(f"{ply}." for ply in PLIES)), (of_run["stack"], *of_plies), strict=True
     ):
-        pressure, path, part = (recorded[f"{prefix}{name}"] for name in BETWEEN)
+        pressure, slip, path, part = (recorded[f"{prefix}{name}"] for name in BETWEEN)
         assert pressure[-1] == entries["ply_pressure_max_Pa"] > 0.0
-        assert path[-1] == entries["slip_path_max_m"] > 0.0
+        assert slip[-1] == entries["slip_max_m"] > 0.0
+        assert path[-1] == entries["slip_path_max_m"] >= slip[-1]
         assert part[-1] == pytest.approx(entries["sliding_part"], rel=1e-12)
         assert 0.0 < part.max() <= 1.0
         assert path[0] == 0.0
