@@ -16,9 +16,9 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.coupling.cosimulation.assembly import Assembly
+from lcmchain.coupling.cosimulation.description import TRUTHS, Variable, VariableValues
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.system_file import RecorderEntry
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable, VariableValues
 from lcmchain.errors import InputError
 from lcmchain.report.style import RC, SERIES, headline, new_figure, save
 

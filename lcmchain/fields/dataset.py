@@ -84,7 +84,7 @@ class SheetFrames:
         predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
     between_plies : against other plies, or None.
-    wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkle_risk` by name (F, element_count);
+    wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkles` by name (F, element_count);
         empty unless the scene asks for them.
     """
 
@@ -123,8 +123,7 @@ class SheetFrames:
         tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
-        from lcmchain.fields.wrinkle_risk import wrinkle_risk
-        from lcmchain.fields.wrinkles import longest_wave, wrinkle_height
+        from lcmchain.fields.wrinkles import longest_wave, wrinkle_height, wrinkle_risk
 
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
         steps = [pressure_fields(body, *state) for state in zip(frames.positions, history)]
