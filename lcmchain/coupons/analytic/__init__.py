@@ -1,4 +1,9 @@
-"""Closed-form relations of the coupon tests: what a fabric law means for force and shape."""
+"""Closed-form relations of the coupon tests: what a fabric law means for force and shape.
+
+``pure_shear`` (bias extension, picture frame), ``off_axis`` (strips at an angle to the fibres),
+``plate_compaction``, ``strip_bending`` (cantilevers). Coupons are compared with them, and
+identification fits them.
+"""
 
 from lcmchain.coupons.analytic.plate_compaction import (
     compaction_pressure,
