@@ -148,27 +148,6 @@ class PlyContact(NamedTuple):
     laws: tuple[Any, ...]
 
 
-def build_interfaces(
-    interfaces: Sequence[Interface],
-    bodies: Sequence[Body],
-    automatic_penalties: Sequence[float],
-) -> PlyContact | None:
-    """Return the contact between plies; None where none touch.
-
-    Parameters
-    ----------
-    interfaces : tables of a scene; of two that name the same plies the last one holds.
-    bodies : the plies. automatic_penalties : the contact stiffness of each [Pa/m].
-
-    Raises
-    ------
-    InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
-        plies that overlap at the start by more than half a thickness.
-    """
-    found = interfaces_of_stages([interfaces], bodies, automatic_penalties)
-    return found[0] if found else None
-
-
 def interfaces_of_stages(
     stages: Sequence[Sequence[Interface]],
     bodies: Sequence[Body],
@@ -178,10 +157,19 @@ def interfaces_of_stages(
     """Return the contact between plies in every stage; nothing where none ever touch.
 
     All stages have the same laws and interfaces; they differ in which interface two plies have, and
-    what follows from it. Parameters and errors are those of :func:`build_interfaces`.
+    what follows from it.
 
+    Parameters
+    ----------
+    stages : tables of a scene for every stage; of two that name the same plies the last one holds.
+    bodies : the plies. automatic_penalties : the contact stiffness of each [Pa/m].
     there : of every stage, whether each ply is there; one that is not touches none. All are
         without it.
+
+    Raises
+    ------
+    InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
+        plies that overlap at the start by more than half a thickness.
     """
     of_stages, entries = _interfaces(stages, [body.name for body in bodies])
     for number, plies in enumerate(there):
