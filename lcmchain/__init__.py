@@ -21,6 +21,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from lcmchain.compilation.cache import use_source_keyed_cache
@@ -44,8 +45,6 @@ _HOME_OF_NAME = {
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF_NAME:
         raise AttributeError(f"module 'lcmchain' has no attribute {name!r}")
-    from importlib import import_module
-
     value = getattr(import_module(_HOME_OF_NAME[name]), name)
     globals()[name] = value
     return value

@@ -45,6 +45,9 @@ from lcmchain.solver.stage_start import FROM, require_border, started
 from lcmchain.summary import run_head, run_summary, scene_head
 from lcmchain.tools import ToolTable, ToolWarning
 
+# What a run needs after forming, or not at all, is imported where it is used: datasets and their
+# files, pictures, draping, and the chain of mapping, coupling and solving.
+
 if TYPE_CHECKING:
     import xarray as xr
 

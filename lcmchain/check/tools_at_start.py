@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
@@ -118,8 +119,6 @@ def _at_vertices(
 
     nodes : of both faces, or of the mid-surface.
     """
-    import shapely
-
     bottom, top = nodes[:, 2].min(), nodes[:, 2].max()
     height = np.maximum(vertices[:, 2] - top, bottom - vertices[:, 2])
     near = height < gap

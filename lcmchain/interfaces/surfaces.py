@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
@@ -334,8 +335,6 @@ def _require_apart(data: InterfaceData, names: Sequence[str]) -> None:
     Told from the nearest facet that looks the other way, up to one and a half thicknesses deep:
     further on lies the other face of plies that touch as they should.
     """
-    from scipy.spatial import cKDTree
-
     corner = data.place.T[data.facet_node]
     middle = corner.mean(axis=1)
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
@@ -566,8 +565,6 @@ def _rims(
 
 def _lips(ends: np.ndarray) -> np.ndarray:
     """Return which rim edges (m, 2, 3) [m] of a face lie on others that run the other way (m,)."""
-    from scipy.spatial import cKDTree
-
     middle, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     pairs = cKDTree(middle).query_pairs(length.max(), output_type="ndarray")
