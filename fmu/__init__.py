@@ -4,6 +4,7 @@ Built, on the machine of the engineer:
 
     scene ─▶ build.py ─┬▶ description.py: what the unit says of itself
                        ├▶ library/: the exporter's library with the guard
+                       ├▶ icons.py; mesh_fields.py: where its fields lie
                        └▶ entry_fmi2.py, entry_fmi3.py, entry_environment.py, copied into the unit
 
 Run, in the process of a master:

@@ -29,6 +29,14 @@ from lcmchain.fmu.description import (
     model_description,
     terminals_of,
 )
+from lcmchain.fmu.forming.interface import faces_of_plies, interface_of
+from lcmchain.fmu.forming.variables import (
+    FIELDS_OF_FMI2,
+    FLUID_FIELDS_OF_FMI2,
+    abilities_of,
+    field_names,
+    meshes_of,
+)
 from lcmchain.fmu.icons import icon_files
 from lcmchain.fmu.instances import UNIT_FILE, define
 from lcmchain.fmu.library.link import LinkError, guarded
@@ -212,15 +220,6 @@ def _forming_entries(
 
     Return what its unit holds about it, and the faces of fields that lie on a part of them.
     """
-    from lcmchain.fmu.forming.interface import faces_of_plies, interface_of
-    from lcmchain.fmu.forming.variables import (
-        FIELDS_OF_FMI2,
-        FLUID_FIELDS_OF_FMI2,
-        abilities_of,
-        field_names,
-        meshes_of,
-    )
-
     blanks = [ply.build_blank() for ply in scene.stack]
     tools = build_tool_table(
         scene.tools,

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
 from lcmchain.coupling.cosimulation.description import ICONS_FOLDER
 from lcmchain.fmu.description import EXTENT, ICON_OF_KIND, UnitTerminal
@@ -189,8 +190,6 @@ def as_svg(drawing: Drawing) -> bytes:
 
 def as_png(drawing: Drawing, pixels: int) -> bytes:
     """Return a drawing as PNG of ``pixels`` along each side, without a background."""
-    from PIL import Image, ImageDraw, ImageFont
-
     fine = FINER * pixels
     scale = fine / drawing.side
     # transparent in the colour of the lines, which it blends with where pixels are put together

@@ -1,7 +1,27 @@
-"""Forming simulation of engineering textiles, and the chain of stages that follows it."""
+"""Forming simulation of engineering textiles, and the chain of stages that follows it.
+
+::
+
+    scene.toml ─▶ scene ─▶ model ─▶ solver ─▶ fields ─▶ forming.nc ─┬▶ report, judgements
+                             ▲       (state)                        ├▶ pattern
+       mesh, elements, materials, effects, interfaces, tools        └▶ mapping, coupling, fmu
+
+- ``pipeline`` is this way from a scene to its files, ``forming_run`` the part of it from saved
+  frame to saved frame. ``stages`` says what a model is in each stage of the process. ``summary``
+  and ``provenance`` are what a run says of itself.
+- Beside it: ``check`` before a run, ``draping`` in place of forming, ``statics`` for equilibria,
+  ``study`` for runs with many settings, ``coupons`` and ``identification`` for fabrics, ``bench``
+  and ``verification`` for the program itself.
+- To call it: ``cli`` and ``commands``; ``manual``.
+- Under all of it: ``errors``, ``atomic`` (files), ``text_files``, ``quantities``, ``mesh_files``,
+  ``results`` (folders), ``thresholds``.
+- Compiled code: ``compilation`` changes numba, ``jit`` has the options of all compiled functions,
+  ``dispatch`` the functions that answer by class, ``packs`` eight numbers as one value.
+"""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from lcmchain.compilation.cache import use_source_keyed_cache
@@ -25,8 +45,6 @@ _HOME_OF_NAME = {
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF_NAME:
         raise AttributeError(f"module 'lcmchain' has no attribute {name!r}")
-    from importlib import import_module
-
     value = getattr(import_module(_HOME_OF_NAME[name]), name)
     globals()[name] = value
     return value

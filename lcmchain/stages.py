@@ -94,7 +94,7 @@ class StageTables:
     tools : with the motions of the stage; where the tools are when it begins comes from the state.
     tools_at_work : (T,) whether contact with each is evaluated.
     grippers : those that pull, without force where they are not at work; None without any.
-    grippers_at_work, gripper_begin : (G,) of them: whether, and since when [s].
+    grippers_at_work : (G,) of them: whether each is.
     supports : with the motions of the stage, or None. supports_at_work : (S,).
     absent : (node_count,) whether a node is of a ply that is laid down later; None where all are
         there from the start.
@@ -110,7 +110,6 @@ class StageTables:
     tools_at_work: np.ndarray
     grippers: GripperTable | None
     grippers_at_work: np.ndarray
-    gripper_begin: np.ndarray
     supports: SupportTable | None
     supports_at_work: np.ndarray
     absent: np.ndarray | None
@@ -234,7 +233,6 @@ def stage_tables(
                 tools_at_work=np.array(plan.tools, dtype=bool),
                 grippers=pulls,
                 grippers_at_work=works,
-                gripper_begin=begin,
                 supports=held_nodes,
                 supports_at_work=np.array([True] * own + held, dtype=bool),
                 absent=absent,

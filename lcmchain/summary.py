@@ -16,6 +16,10 @@ from lcmchain import __version__
 from lcmchain.check import run_effects
 from lcmchain.check.tool_strokes import tools_never_touched
 from lcmchain.effects.process.mass_scaling import added_mass
+from lcmchain.fields.courses import joint_widths
+from lcmchain.fields.loads import gripper_loads, stop_warnings, tool_stops
+from lcmchain.fields.stack import plies_of
+from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.judgements.contact import (
     hidden_compaction,
     hidden_compaction_warnings,
@@ -106,7 +110,6 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
-    from lcmchain.fields.loads import stop_warnings, tool_stops
     from lcmchain.fields.stages import rest_warnings, stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
 
@@ -182,8 +185,6 @@ def _before_release(scene: Scene, times: Sequence[float]) -> int:
 
 def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:
     """Return where the fields of each sheet leave the range of the model, with its name."""
-    from lcmchain.fields.stack import plies_of
-    from lcmchain.fields.table import NO_THICKNESS
 
     def told(sheet: xr.Dataset, material: Material) -> list[str]:
         return field_warnings(sheet, material) + joint_warnings(sheet, material.thickness)
@@ -200,9 +201,6 @@ def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[st
 
 def _joints(datasets: Mapping[str, xr.Dataset], model: Model) -> dict[str, Any]:
     """Return how wide the joints of plies in courses are; nothing without any."""
-    from lcmchain.fields.courses import joint_widths
-    from lcmchain.fields.stack import plies_of
-
     if len(model.bodies) == 1:
         found = [joint.as_dict() for joint in joint_widths(datasets["/"])]
     else:
@@ -216,8 +214,6 @@ def _joints(datasets: Mapping[str, xr.Dataset], model: Model) -> dict[str, Any]:
 
 def _grippers(history: xr.Dataset) -> dict[str, Any]:
     """Return the loads of the grippers; nothing without any."""
-    from lcmchain.fields.loads import gripper_loads
-
     loads = gripper_loads(history)
     return {"gripper_loads": loads} if loads else {}
 

@@ -120,6 +120,7 @@ def measure(program: str, side: int) -> MappingTime:
 
 
 def _own(program: str) -> Callable:
+    # Imported here: in the process of another program they would count as its memory.
     from lcmchain.mapping.sheet import Sheet
     from lcmchain.mapping.surfaces.averages import mean_over_cells
     from lcmchain.mapping.surfaces.surface import Surface

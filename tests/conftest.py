@@ -40,7 +40,7 @@ def compiled_by_two():
     A second process takes two seconds to begin. Commands in processes of their own start it as
     ever. Returns a context in which runs of this process do so too.
     """
-    from lcmchain import compile_beside
+    from lcmchain.solver import compile_beside
 
     cores = compile_beside._cores
 

@@ -9,7 +9,7 @@
                                       └▶ part ─▶ instance: library_instance or process_instance
 
 - ``system_file`` holds the tables of a system; ``ssp`` makes the same of a system of SSP, and back.
-- ``archive`` unpacks a unit, ``description`` says what it is, with each ``variable`` and its
+- ``archive`` unpacks a unit, ``description`` says what it is, with each variable and its
   ``physical_units``.
 - ``assembly`` loads the units, sets their ``start_values``, joins them by ``connections`` (those of
   terminals by ``terminal_links``), and initialises them.

@@ -71,18 +71,6 @@ def unpack(path: Path | str, folder: Path | str, limits: Limits = LIMITS) -> Pat
     return folder
 
 
-def member_names(path: Path | str, limits: Limits = LIMITS) -> list[str]:
-    """Return the names of the files in an archive, in its order.
-
-    Raises
-    ------
-    InputError : as for :func:`unpack`.
-    """
-    path = Path(path)
-    with _opened(path) as archive:
-        return [entry.filename for entry in _checked(archive, path, limits) if not entry.is_dir()]
-
-
 def read_member(path: Path | str, name: str, limits: Limits = LIMITS) -> bytes:
     """Return the content of one file of an archive.
 

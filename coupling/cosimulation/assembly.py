@@ -11,7 +11,12 @@ from pathlib import Path
 from lcmchain import __version__
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.connections import Lines, Link, initialise, loops_of, resolve
-from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
+from lcmchain.coupling.cosimulation.description import (
+    UnitDescription,
+    Variable,
+    VariableValues,
+    read_description,
+)
 from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.process_instance import new_instance
@@ -24,7 +29,6 @@ from lcmchain.coupling.cosimulation.start_values import (
 from lcmchain.coupling.cosimulation.stopping import StopRequests
 from lcmchain.coupling.cosimulation.system_file import SchemeEntry, System, UnitEntry, WindowEntry
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,

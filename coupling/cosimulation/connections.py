@@ -17,11 +17,11 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from lcmchain.coupling.cosimulation.description import TRUTHS, Variable, VariableValues
 from lcmchain.coupling.cosimulation.instance import CallFailed
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.physical_units import Conversion, UnitError, conversion
 from lcmchain.coupling.cosimulation.system_file import ConnectionEntry
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable, VariableValues
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.attempt import largest_size
 from lcmchain.coupling.iteration.schemes import QuasiNewton

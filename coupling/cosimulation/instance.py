@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
+from lcmchain.coupling.cosimulation.description import Variable, VariableValues
 from lcmchain.errors import SimulationError
 
 #: Takes a message of a unit: its status in words, its category and its text.

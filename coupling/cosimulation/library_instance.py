@@ -16,9 +16,8 @@ import numpy as np
 from elftools.common.exceptions import ELFError
 from elftools.elf.elffile import ELFFile
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, VariableValues
 from lcmchain.coupling.cosimulation.instance import CallFailed, EndRequested, Instance, Log
-from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.errors import InputError
 
 if TYPE_CHECKING:

@@ -13,10 +13,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, VariableValues
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance
 from lcmchain.coupling.cosimulation.start_values import Configuration
-from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.coupling.iteration import PartFailed
 from lcmchain.coupling.iteration.interface import Fields
 from lcmchain.errors import InputError

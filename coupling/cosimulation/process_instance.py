@@ -25,11 +25,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, VariableValues
 from lcmchain.coupling.cosimulation.instance import CallFailed, Instance, Log
 from lcmchain.coupling.cosimulation.library_instance import instance_in_process
 from lcmchain.coupling.cosimulation.stopping import StopRequests
-from lcmchain.coupling.cosimulation.variable import Variable, VariableValues
 from lcmchain.errors import LcmchainError, SimulationInterrupted
 from lcmchain.quantities.readable import duration_text
 

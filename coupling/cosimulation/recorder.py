@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+import xarray as xr
 
 from lcmchain import __version__
 from lcmchain.coupling.cosimulation.assembly import Assembly
+from lcmchain.coupling.cosimulation.description import TRUTHS, Variable, VariableValues
 from lcmchain.coupling.cosimulation.part import FmuPart
 from lcmchain.coupling.cosimulation.system_file import RecorderEntry
-from lcmchain.coupling.cosimulation.variable import TRUTHS, Variable, VariableValues
 from lcmchain.errors import InputError
 from lcmchain.report.style import RC, SERIES, headline, new_figure, save
 
@@ -92,8 +93,6 @@ class Recorder:
         A variable has the name that it has in the unit, with ``.`` and brackets replaced. Its
         attribute ``fmi_name`` keeps the original.
         """
-        import xarray as xr
-
         time = ("time", np.array(self.times), {"units": "s", "long_name": "time"})
         about = {"Conventions": "CF-1.11", **attributes}
         groups = {"/": xr.Dataset(coords={"time": time}, attrs=about)}

@@ -14,18 +14,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lcmchain.coupling.cosimulation.description import UnitDescription
+from lcmchain.coupling.cosimulation.description import (
+    STRUCTURAL,
+    TRUTHS,
+    UnitDescription,
+    Variable,
+    VariableValues,
+)
 from lcmchain.coupling.cosimulation.physical_units import (
     PhysicalUnit,
     UnitError,
     unit_from_name,
     value_of,
-)
-from lcmchain.coupling.cosimulation.variable import (
-    STRUCTURAL,
-    TRUTHS,
-    Variable,
-    VariableValues,
 )
 from lcmchain.errors import InputError, shortened
 

@@ -19,5 +19,6 @@
   :mod:`~lcmchain.coupling.infiltration.flow`. It does not depend on scenes and files.
 - ``resin`` and ``resin_temperature`` are the laws of viscosity, cure and temperature.
 - ``results`` holds saved states and histories as arrays, ``report`` the same in numbers and words.
-- ``foreign_case`` reads cases of RTMsim and LCMsim. ``benchmark`` measures time and memory.
+- ``foreign_case`` reads cases of RTMsim and LCMsim, with their ``foreign_ports``. ``benchmark``
+  measures time and memory.
 """

@@ -8,6 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import matplotlib
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.formed_part import UNFORMED
@@ -141,8 +147,6 @@ def _draw(
 
 def nice_levels(values: np.ndarray, lowest: float | None = None) -> np.ndarray:
     """Return about a dozen round levels that hold all values."""
-    from matplotlib.ticker import MaxNLocator
-
     known = values[np.isfinite(values)]
     low, high = (0.0, 1.0) if len(known) == 0 else (float(known.min()), float(known.max()))
     if lowest is not None:
@@ -219,8 +223,6 @@ def mark_places(
 
 def _mark(axis, name, nodes, points, whole, view, buffer, size, colour, marker) -> None:
     """Draw a line where a place is one, else a mark at its middle; its name beside."""
-    from matplotlib.collections import LineCollection
-
     inside = np.zeros(len(points), dtype=bool)
     inside[nodes] = True
     edges = boundary_edges(whole)
@@ -257,8 +259,6 @@ def _hidden(buffer: DepthBuffer, places: np.ndarray, view: View, size: float) ->
 
 
 def _label(axis, place, text: str, colour: str, marker: str | None) -> None:
-    from matplotlib.patheffects import withStroke
-
     if marker is not None:
         edge = {"mec": "white", "mew": 0.7} if marker != "x" else {"mew": 1.4}
         axis.plot(*place, marker, color=colour, ms=6.0, zorder=6, **edge)
@@ -280,10 +280,6 @@ def draw_level_bar(
     empty: str = "dry",
 ) -> None:
     """Fill an axis with the bar of bands, and name the colour of what is dry."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-    from matplotlib.patches import Patch
-
     colours = ScalarMappable(
         BoundaryNorm(levels, len(levels) - 1), ListedColormap(_band_colours(levels, colour_map))
     )

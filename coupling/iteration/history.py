@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from lcmchain.fields.netcdf_file import write_netcdf
 
@@ -99,7 +100,6 @@ class History:
         The dimension ``window`` counts all attempts in their order; those that were undone have the
         outcome failed or rejected.
         """
-        import xarray as xr
 
         def row(
             values: Sequence[float], dtype: str, long_name: str, units: str = "1"

@@ -181,13 +181,6 @@ class ExplicitForming:
         """Return the volumes of the elements (element_count,) [m³]."""
         return self._volumes_and_rates()[0]
 
-    def normal_thickness(self) -> np.ndarray:
-        """Return the thickness that the law of compaction sees (element_count,) [m]."""
-        body = self._body
-        history = self.simulation.model.history_of(body, self.simulation.state.history)
-        condition = body.condition(self.simulation.state.position, history)
-        return condition.thickness_stretch * 2.0 * body.geometry.height
-
     def present_pressure(self) -> np.ndarray:
         """Return the pore pressures that act now (element_count,) [Pa]."""
         return self.simulation.state.pore_pressure[self._lanes.place] + self.surroundings

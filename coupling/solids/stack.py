@@ -198,16 +198,6 @@ class StackForming(ExplicitForming):
             found.append(0.5 * area * (below + above))
         return np.concatenate(found)
 
-    def normal_thickness(self) -> np.ndarray:
-        """Return the thickness that the laws of compaction see, of all plies (C,) [m]."""
-        model, state, positions = self.simulation.model, self.simulation.state, self._positions()
-        volume = []
-        for body in self._bodies:
-            condition = body.condition(state.position, model.history_of(body, state.history))
-            area = body.mesh.areas(positions[self._nodes(body)])
-            volume.append(area * condition.thickness_stretch * 2.0 * body.geometry.height)
-        return (self.shares.T @ np.concatenate(volume)) / self.area()
-
     # --- pressures --------------------------------------------------------------------------------
 
     def present_pressure(self) -> np.ndarray:

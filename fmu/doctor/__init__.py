@@ -1,6 +1,7 @@
 """What a functional mock-up unit needs on this machine, and what of it is missing.
 
     unit ─▶ examine.py ─┬▶ description.py ─▶ rules/: the model description against the standard
+                        ├▶ profiles.py: which importers know all that it needs
                         ├▶ binary.py: the binary for this machine, and what it links to
                         ├▶ python.py: its Python code, and the Python that is to run it
                         └▶ host.py: the program that is to import it

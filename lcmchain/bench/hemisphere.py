@@ -9,7 +9,7 @@ from __future__ import annotations
 from lcmchain.bench.measure import KERNEL_CALLS, Measurement, kernel_work, measure
 from lcmchain.compilation.threads import use_threads
 from lcmchain.elements.blocks import own_blocks
-from lcmchain.elements.solid_shell.packing import curved_rows
+from lcmchain.elements.solid_shell.geometry import curved_rows
 from lcmchain.materials.st_venant_kirchhoff import (
     StiffnessLaw,
     isotropic_stiffness,

@@ -3,7 +3,7 @@ from .expected_cost import Estimate, estimate_run
 from .large_mesh import require_frames_fit
 from .remarks import scene_warnings
 from .report import CheckReport, check_scene, draw_start
-from .tools_at_start import InitialGap, initial_gaps, require_no_initial_overlap
+from .tools_at_start import InitialGap, require_no_initial_overlap
 
 __all__ = [
     "CheckReport",
@@ -12,7 +12,6 @@ __all__ = [
     "check_scene",
     "draw_start",
     "estimate_run",
-    "initial_gaps",
     "require_frames_fit",
     "require_no_initial_overlap",
     "run_effects",

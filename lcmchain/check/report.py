@@ -58,6 +58,8 @@ from lcmchain.quantities.readable import millimetres
 from lcmchain.report.style import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
+from lcmchain.tools.surfaces.surface import ToolWarning
+from lcmchain.tools.tool import tool_surface
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -383,8 +385,6 @@ def draw_start(
     A tool whose surface cannot be had is left out. ``grips`` are those of every ply.
     """
     from lcmchain.report import draw_initial, draw_stack
-    from lcmchain.tools.surfaces.surface import ToolWarning
-    from lcmchain.tools.tool import tool_surface
 
     # Infinite tools are shown a little beyond the blank, and as high as the blank is long.
     nodes = np.concatenate([blank.node_positions for blank in blanks])

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import BlankMesh
@@ -118,8 +119,6 @@ def _at_vertices(
 
     nodes : of both faces, or of the mid-surface.
     """
-    import shapely
-
     bottom, top = nodes[:, 2].min(), nodes[:, 2].max()
     height = np.maximum(vertices[:, 2] - top, bottom - vertices[:, 2])
     near = height < gap
@@ -166,24 +165,6 @@ def contact_offset(ply: PlySettings) -> float:
     return 0.0 if ply.element.has_thickness else 0.5 * ply.thickness
 
 
-def initial_gaps(
-    tools: Sequence[Tool],
-    blank: BlankMesh,
-    tool_table: ToolTable,
-    directory: Path,
-    offset: float = 0.0,
-) -> list[InitialGap]:
-    """Measure the smallest distance of every tool to the blank before anything moves.
-
-    Exact for analytic shapes and for the triangles of surface meshes, whatever their fields round.
-
-    directory : folder of the scene file, to which mesh files are relative.
-    offset : 0 for the distance to the blank's faces; else the part of that to the mid-surface [m]
-        which belongs to the sheet, see :func:`contact_offset`.
-    """
-    return _gaps_of_sheets(tools, [(blank, offset)], tool_table, directory)
-
-
 def plies_at_start(
     scene: Scene, blanks: Sequence[BlankMesh]
 ) -> list[tuple[BlankMesh, PlySettings]]:
@@ -201,15 +182,23 @@ def gaps_of_stack(
     blanks : of the plies, as :meth:`lcmchain.scene.stack.PlySettings.build_blank` makes them.
     """
     sheets = [(blank, contact_offset(ply)) for blank, ply in plies_at_start(scene, blanks)]
-    return _gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
+    return gaps_of_sheets(scene.tools, sheets, tool_table, scene.source.directory)
 
 
-def _gaps_of_sheets(
+def gaps_of_sheets(
     tools: Sequence[Tool],
     sheets: Sequence[tuple[BlankMesh, float]],
     tool_table: ToolTable,
     directory: Path,
 ) -> list[InitialGap]:
+    """Measure the smallest distance of every tool to any of some sheets before anything moves.
+
+    Exact for analytic shapes and for the triangles of surface meshes, whatever their fields round.
+
+    sheets : meshes of the sheets, and 0 for the distance to their faces; else the part of that to
+        the mid-surface [m] which belongs to the sheet, see :func:`contact_offset`.
+    directory : folder of the scene file, to which mesh files are relative.
+    """
     return [_initial_gap(t, tool, sheets, tool_table, directory) for t, tool in enumerate(tools)]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -163,8 +164,6 @@ def _run_coupon(
 
     counts : options that are numbers without a unit, by their names.
     """
-    from importlib import import_module
-
     from lcmchain.scene import read_scene, scene_from_text
 
     values = {

@@ -14,6 +14,8 @@ from lcmchain.atomic import replacing
 from lcmchain.commands.options import output_folder
 from lcmchain.commands.terminal import console, say
 from lcmchain.errors import InputError
+from lcmchain.manual.command_reference import Group
+from lcmchain.manual.contents import SECTIONS, read_page
 
 
 def docs(
@@ -43,7 +45,6 @@ def docs(
         _list_topics()
         return
     if regenerate:
-        from lcmchain.manual.command_reference import Group
         from lcmchain.manual.generated import write_generated_pages
 
         root = context.find_root().command
@@ -51,7 +52,6 @@ def docs(
         for file in write_generated_pages(root):
             say(f"Wrote {file}")
         return
-    from lcmchain.manual.contents import read_page
     from lcmchain.manual.site import build_site, cached_site
 
     page = read_page(topic)  # a wrong topic is told before anything is built
@@ -66,8 +66,6 @@ def docs(
 def _list_topics() -> None:
     from rich import box
     from rich.table import Table
-
-    from lcmchain.manual.contents import SECTIONS, read_page
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("section", "topic", "page"):

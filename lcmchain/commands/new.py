@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lcmchain.atomic import replacing
 from lcmchain.commands.options import output_folder, takes_options
 from lcmchain.commands.terminal import console, length_of, quantity, say, warn
 from lcmchain.errors import InputError
+from lcmchain.quantities.units import ANGLE, MASS, TIME, QuantityError, parse_quantity, split_row
 
 if TYPE_CHECKING:
     from lcmchain.coupling.infiltration.foreign_case import ForeignCase
@@ -60,7 +62,6 @@ class SheetOptions:
         ------
         InputError : an option that cannot be read, or an unknown preset; names the option.
         """
-        from lcmchain.quantities.units import ANGLE, TIME, QuantityError, parse_quantity, split_row
         from lcmchain.scene.cases.sheet import Sheet
 
         size = None
@@ -127,7 +128,6 @@ def new_punch(
     out: Out = None,
 ) -> None:
     """A spherical punch presses a blank through a round hole."""
-    from lcmchain.quantities.units import MASS
     from lcmchain.scene.cases.simple_tools import Punch, punch_scene
 
     file = _new_file(out, "punch")
@@ -299,7 +299,6 @@ def import_lcmsim(
     from decimal import Decimal
 
     from lcmchain.coupling.infiltration.foreign_case import read_lcmsim
-    from lcmchain.quantities.units import TIME
 
     for file in (parts, parameters):
         _require_file(file)
@@ -314,7 +313,6 @@ def _require_file(path: Path) -> None:
 
 
 def _write_case(case: ForeignCase, out: Path, inputs: list[Path | None]) -> None:
-    from lcmchain.atomic import replacing
     from lcmchain.coupling.infiltration.foreign_case import case_text
     from lcmchain.scene.reading.single_tables import infiltration_from_text
 

@@ -10,6 +10,7 @@ import typer
 from lcmchain.commands.options import Overrides, SavedFrame, SceneFile, output_folder
 from lcmchain.commands.terminal import length_of, progress_bar, say, warn
 from lcmchain.errors import InputError
+from lcmchain.quantities.units import length_factor
 
 if TYPE_CHECKING:
     import numpy as np
@@ -203,8 +204,6 @@ def _whole_sheet_or_ply(source: Path, ply: str | None) -> xr.Dataset:
 def _vector(option: str, text: str, unit: str | None) -> np.ndarray:
     """Read three numbers, with a unit of length at their end where ``unit`` names one."""
     import numpy as np
-
-    from lcmchain.quantities.units import length_factor
 
     words = text.replace(",", " ").split()
     factor = 1.0

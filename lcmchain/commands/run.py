@@ -28,6 +28,7 @@ from lcmchain.commands.terminal import (
 )
 from lcmchain.errors import InputError, MappingError, SimulationInterrupted, UnfinishedRun
 from lcmchain.results import COMPLETE, all_warnings
+from lcmchain.results.folder import write_summary
 
 if TYPE_CHECKING:
     from lcmchain.report.numbers import Number
@@ -288,7 +289,6 @@ def run_chosen(
     text.scene()
     with output_folder(out or default_out(path), inputs=[path]) as folder:
         from lcmchain.pipeline import run
-        from lcmchain.results.folder import write_summary
         from lcmchain.study.chooser import Chooser
         from lcmchain.study.outcome import outcome_of
         from lcmchain.study.runs import INTERRUPTED

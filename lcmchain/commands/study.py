@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -66,8 +67,6 @@ class RunOptions:
 
     def as_workers(self) -> Workers:
         """Return who makes the runs: one process per core by default, where dask is installed."""
-        from importlib.util import find_spec
-
         from lcmchain.study.runs import Workers
 
         count = self.workers

@@ -8,9 +8,21 @@ import warnings as warnings_module
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from lcmchain.errors import InputError, StrictError
+from lcmchain.quantities.readable import duration_text
+from lcmchain.quantities.units import (
+    ANGLE,
+    CURVATURE,
+    LENGTH,
+    PRESSURE,
+    SPEED,
+    TIME,
+    QuantityError,
+    parse_quantity,
+)
+from lcmchain.results import ProgressLines
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -34,13 +46,9 @@ def progress_bar(*, quiet: bool = False) -> Iterator:
         yield lambda completed, total, text="": None
         return
     if not console(stderr=True).is_terminal:
-        from lcmchain.results import ProgressLines
-
         yield ProgressLines(lambda line: print(line, file=sys.stderr, flush=True))
         return
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from lcmchain.quantities.readable import duration_text
 
     columns = (
         TextColumn("{task.description}"),
@@ -66,15 +74,11 @@ def progress_bar(*, quiet: bool = False) -> Iterator:
 
 def length_of(option: str, text: str) -> float:
     """Return a positive length [m]."""
-    from lcmchain.quantities.units import LENGTH
-
     return quantity(option, text, LENGTH)
 
 
 def time_of(option: str, text: str) -> float:
     """Return a time [s], zero or later."""
-    from lcmchain.quantities.units import TIME, QuantityError, parse_quantity
-
     try:
         value = parse_quantity(text, TIME)
     except QuantityError as error:
@@ -86,17 +90,6 @@ def time_of(option: str, text: str) -> float:
 
 def quantity(option: str, text: str, dimension: Dimension | None = None) -> float:
     """Return a positive quantity in SI; by default of the dimension that the option has."""
-    from lcmchain.quantities.units import (
-        ANGLE,
-        CURVATURE,
-        LENGTH,
-        PRESSURE,
-        SPEED,
-        TIME,
-        QuantityError,
-        parse_quantity,
-    )
-
     if dimension is None:
         kinds = {
             "--pressure": PRESSURE, "--shear-angle": ANGLE, "--angle": ANGLE, "--speed": SPEED,
@@ -114,8 +107,6 @@ def quantity(option: str, text: str, dimension: Dimension | None = None) -> floa
 
 def require_choice(option: str, value: str, model: type[BaseModel]) -> None:
     """Refuse a value that the field of a scene table named like the option does not know."""
-    from typing import get_args
-
     choices = get_args(model.model_fields[option.lstrip("-")].annotation)
     if value not in choices:
         raise InputError(f'"{value}" must be one of {", ".join(choices)}', key=option)

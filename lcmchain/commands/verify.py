@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from lcmchain.atomic import replacing
 from lcmchain.commands.terminal import console, progress_bar, say, show_whole
 from lcmchain.errors import SimulationError
 
@@ -149,8 +150,6 @@ def bench(
 def _write_markdown(out: Path | None, text: str) -> None:
     if out is None:
         return
-    from lcmchain.atomic import replacing
-
     with replacing(out) as path:
         path.write_text(text, encoding="utf-8")
     say(f"Table in {out}")

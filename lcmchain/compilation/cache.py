@@ -32,8 +32,7 @@ OUTER_PACKAGES = ("lcmchain.mapping", "lcmchain.coupling", "lcmchain.fmu")
 # of: no file with compiled functions imports them, directly or not. What is not named here counts.
 # tests/packaging/test_compile_cache.py compares this list with the imports.
 NEVER_COMPILED = (
-    "__main__.py", "cli.py", "forming_run.py", "pipeline.py", "provenance.py",
-    "run_files.py", "summary.py",
+    "__main__.py", "cli.py", "forming_run.py", "pipeline.py", "provenance.py", "summary.py",
     "commands", "coupons", "identification", "judgements", "manual", "pattern", "report", "results",
     "statics", "study", "verification", "fmu", "mapping/formats", "mapping/structure",
     "coupling/mould.py", "coupling/cosimulation", "coupling/iteration", "coupling/precice_adapter",

@@ -15,7 +15,7 @@ from lcmchain.fields.courses import course_field, gap_field
 from lcmchain.fields.dataset import SHEET, SHEET_MESH
 from lcmchain.fields.derived import derive_fields
 from lcmchain.fields.sheet import COURSE, JOINT_GAP
-from lcmchain.fields.wrinkle_risk import LOCKING, RISK, nearness_of_locking
+from lcmchain.fields.wrinkles import LOCKING, RISK, nearness_of_locking
 from lcmchain.judgements.fields import field_warnings
 from lcmchain.scene import Scene
 from lcmchain.tools.table import turning

@@ -4,8 +4,8 @@
          (FrameSeries, │        vtu (ParaView)             (report, study, mapping, fmu)
           Histories)   │
                        ├─ table: every field declared once, with unit and meaning
-                       ├─ derived, wrinkles, wrinkle_risk, between_plies: values at faces and nodes
-                       ├─ stack: plies, and what lies over each other
+                       ├─ derived, wrinkles, between_plies: values at faces and nodes
+                       ├─ stack: plies, and what lies over each other; courses of a ply
                        ├─ stages: stages of the process, springback
                        └─ ugrid: meshes and variables as UGRID and CF want them
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lcmchain import __version__
 from lcmchain.elements.families import family_of
 from lcmchain.fields.between_plies import BetweenPlies
 from lcmchain.fields.courses import course_fields, gap_fields
@@ -33,6 +34,7 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
+from lcmchain.fields.wrinkles import longest_wave, wrinkle_height, wrinkle_risk
 from lcmchain.materials.law import (
     Material,
     fibre_angles,
@@ -84,7 +86,7 @@ class SheetFrames:
         predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
     between_plies : against other plies, or None.
-    wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkle_risk` by name (F, element_count);
+    wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkles` by name (F, element_count);
         empty unless the scene asks for them.
     """
 
@@ -123,9 +125,6 @@ class SheetFrames:
         tools: ToolTable | None = None,
     ) -> SheetFrames:
         """Return the part of a body; ``history`` is its own, in blocks, for every frame."""
-        from lcmchain.fields.wrinkle_risk import wrinkle_risk
-        from lcmchain.fields.wrinkles import longest_wave, wrinkle_height
-
         nodes = slice(body.first_node, body.first_node + body.mesh.node_count)
         steps = [pressure_fields(body, *state) for state in zip(frames.positions, history)]
         on_nodes = None
@@ -483,8 +482,6 @@ def _moving_nodes(
 
 def _global_attributes(scene: Scene, material: Material | None) -> dict[str, Any]:
     """Return what the file says of its origin, and of the one material of a group."""
-    from lcmchain import __version__
-
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     attributes: dict[str, Any] = {
         "Conventions": CONVENTIONS,

@@ -313,7 +313,7 @@ def history_dataset(frames: FrameSeries, histories: Histories | None = None) -> 
 
     Variables of the histories begin with ``history_`` and have the dimension ``history_time``.
     """
-    import xarray as xr
+    import xarray as xr  # a run need not wait for it before its first step
 
     variables = _of_frames(frames)
     if histories is not None and histories.time.size:

@@ -12,7 +12,7 @@ from lcmchain.fields.dataset import HISTORY, SHEET
 from lcmchain.fields.loads import has_histories, tool_loads
 from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import film_names, plies_of
-from lcmchain.fields.wrinkle_risk import EXPECTED, RISK
+from lcmchain.fields.wrinkles import EXPECTED, RISK
 from lcmchain.interfaces.in_frames import APART
 
 if TYPE_CHECKING:

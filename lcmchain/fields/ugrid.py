@@ -170,7 +170,7 @@ class UgridMesh:
         self, variables: Mapping[str, Variable], attributes: Mapping[str, Any]
     ) -> xr.Dataset:
         """Return the mesh's variables as a dataset, its coordinates marked as such."""
-        import xarray as xr
+        import xarray as xr  # a run need not wait for it before its first step
 
         dataset = xr.Dataset(dict(variables), attrs=dict(attributes))
         return dataset.set_coords(self.coordinates)

@@ -1,13 +1,12 @@
 """Parameters of a fabric law from coupon tests: data, relations as fits, intervals, files.
 
     DATA.csv, export of a machine ─▶ data ─▶ entering_rows ─▶ a law ─▶ result ─▶ files
-              (machine_export)              (zeros, slip,    (fit)            (table, scene entry,
-                                             tear, range)                      JSON, picture)
+                                             (zeros, slip,    (fit)            (table, scene entry,
+                                              tear, range)                      JSON, picture)
 
 ``from_file.py`` goes this way for each command of ``lcmchain identify``. What it uses:
 
-- ``data.py``: columns of a coupon file in SI units; ``machine_export.py``: what testing machines
-  write in their place.
+- ``data.py``: columns of a coupon file in SI units, or of what testing machines write in its place.
 - ``entering_rows.py``: which rows enter a fit, and from which zero they count.
 - Laws, one test or family of tests each: ``shear.py`` (bias extension, picture frame),
   ``viscous_shear.py`` with ``viscous_fit.py`` (frames that resist rates), ``off_axis.py``

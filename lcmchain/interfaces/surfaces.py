@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from lcmchain.compilation.processor import aligned
 from lcmchain.effects.contact_depth import LEAST_DAMPED_TIMES, stiffening_of
@@ -148,27 +149,6 @@ class PlyContact(NamedTuple):
     laws: tuple[Any, ...]
 
 
-def build_interfaces(
-    interfaces: Sequence[Interface],
-    bodies: Sequence[Body],
-    automatic_penalties: Sequence[float],
-) -> PlyContact | None:
-    """Return the contact between plies; None where none touch.
-
-    Parameters
-    ----------
-    interfaces : tables of a scene; of two that name the same plies the last one holds.
-    bodies : the plies. automatic_penalties : the contact stiffness of each [Pa/m].
-
-    Raises
-    ------
-    InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
-        plies that overlap at the start by more than half a thickness.
-    """
-    found = interfaces_of_stages([interfaces], bodies, automatic_penalties)
-    return found[0] if found else None
-
-
 def interfaces_of_stages(
     stages: Sequence[Sequence[Interface]],
     bodies: Sequence[Body],
@@ -178,10 +158,19 @@ def interfaces_of_stages(
     """Return the contact between plies in every stage; nothing where none ever touch.
 
     All stages have the same laws and interfaces; they differ in which interface two plies have, and
-    what follows from it. Parameters and errors are those of :func:`build_interfaces`.
+    what follows from it.
 
+    Parameters
+    ----------
+    stages : tables of a scene for every stage; of two that name the same plies the last one holds.
+    bodies : the plies. automatic_penalties : the contact stiffness of each [Pa/m].
     there : of every stage, whether each ply is there; one that is not touches none. All are
         without it.
+
+    Raises
+    ------
+    InputError : an unknown ply, an interface of a ply with itself, elements without two faces, or
+        plies that overlap at the start by more than half a thickness.
     """
     of_stages, entries = _interfaces(stages, [body.name for body in bodies])
     for number, plies in enumerate(there):
@@ -346,8 +335,6 @@ def _require_apart(data: InterfaceData, names: Sequence[str]) -> None:
     Told from the nearest facet that looks the other way, up to one and a half thicknesses deep:
     further on lies the other face of plies that touch as they should.
     """
-    from scipy.spatial import cKDTree
-
     corner = data.place.T[data.facet_node]
     middle = corner.mean(axis=1)
     normal = np.cross(corner[:, 2] - corner[:, 0], corner[:, 3] - corner[:, 1])
@@ -578,8 +565,6 @@ def _rims(
 
 def _lips(ends: np.ndarray) -> np.ndarray:
     """Return which rim edges (m, 2, 3) [m] of a face lie on others that run the other way (m,)."""
-    from scipy.spatial import cKDTree
-
     middle, along = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1)
     pairs = cKDTree(middle).query_pairs(length.max(), output_type="ndarray")

@@ -20,8 +20,7 @@ from lcmchain.fields.sheet import (
 )
 from lcmchain.fields.stack import PLY
 from lcmchain.fields.table import NO_THICKNESS
-from lcmchain.fields.wrinkle_risk import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES
-from lcmchain.fields.wrinkles import elements_per_wave
+from lcmchain.fields.wrinkles import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES, elements_per_wave
 from lcmchain.judgements.crossings import crossing_warnings
 from lcmchain.judgements.grades import (
     BAD_GRADE,

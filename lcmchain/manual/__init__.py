@@ -1,5 +1,7 @@
 """The manual: Markdown pages that ship with the package, and what turns them into HTML.
 
-``contents`` names the pages in their order, ``markdown`` renders one page, ``site`` builds all of
-them into a folder, ``generated`` writes the reference pages from the code.
+::
+
+    code ─▶ generated: the reference pages (scene_reference, command_reference, tables) ─▶ *.md
+    *.md ─▶ contents: the pages in their order ─▶ markdown: one page ─▶ site: all, in a folder
 """

@@ -56,20 +56,6 @@ def scene_page() -> str:
     return "\n".join(parts)
 
 
-def scene_keys() -> Iterator[tuple[type[BaseModel], str, FieldInfo]]:
-    """Yield every table and each of its entries once."""
-    seen: set[type[BaseModel]] = set()
-    waiting: list[type[BaseModel]] = [Scene]
-    while waiting:
-        model = waiting.pop(0)
-        if model in seen:
-            continue
-        seen.add(model)
-        for key, model_field in model.model_fields.items():
-            yield model, key, model_field
-            waiting += _models_of(model_field.annotation)
-
-
 def _forms(
     path: str,
     forms: list[type[BaseModel]],

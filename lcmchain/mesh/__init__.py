@@ -8,8 +8,8 @@ How a blank is meshed:
 - ``outline.py``: what an outline must not do; ``contours.py``: rim, holes, darts and slits;
   ``drawing.py``: the same from a DXF file.
 - ``lattice.py``: the lattice along the fibres, its best position, and the numbering.
-- ``cut.py``: cells at the outline; ``seams.py`` and ``seam_tips.py``: cells that darts, slits and
-  narrow holes part; ``cells.py``: how good cells are, and what step they leave.
+- ``cut.py``: cells at the outline; ``seams.py``: cells that darts, slits and narrow holes part, up
+  to their tips; ``cells.py``: how good cells are, and what step they leave.
 - ``blank.py``: the scene table of a blank, and its mesh of solid elements; ``courses.py``: strips
   side by side, each meshed as a blank.
 

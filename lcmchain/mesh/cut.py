@@ -26,8 +26,15 @@ from lcmchain.mesh.cells import (
 )
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.outline import cross
-from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
-from lcmchain.mesh.seams import CutEdges, Lattice, copies_at, line_cuts, part_at_seams
+from lcmchain.mesh.seams import (
+    COINCIDENT,
+    CutEdges,
+    Lattice,
+    copies_at,
+    line_cuts,
+    part_at_seams,
+    tip_at,
+)
 
 # An inside node is pulled outwards over up to this part of a cut lattice edge; only beyond it the
 # outside node is pulled inwards. The whole edge, because cells shorter than the pitch would reduce

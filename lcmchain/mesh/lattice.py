@@ -18,7 +18,7 @@ from lcmchain.mesh.cells import boundary_edges, cut_nodes
 from lcmchain.mesh.contours import Contours
 from lcmchain.mesh.cut import INSIDE_REACH, ON_OUTLINE, LatticeCells, cut_lattice, nearest_node
 from lcmchain.mesh.outline import whole_number
-from lcmchain.mesh.seam_tips import COINCIDENT, tip_at
+from lcmchain.mesh.seams import COINCIDENT, tip_at
 
 # Pitch may deviate by this factor from the edge length to fit diagonals to the outline.
 DIAGONAL_FIT = 1.25

@@ -11,6 +11,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
+import netCDF4
+
 from lcmchain.errors import InputError
 from lcmchain.mesh_files.compressed import is_compressed, unpacked
 
@@ -205,9 +208,6 @@ def ending_that_disagrees(path: Path, name: str) -> str | None:
 
 def _of_hdf5(path: Path) -> str:
     """Tell MED, CGNS and Exodus apart; "" for others and broken ones."""
-    import h5py
-    import netCDF4
-
     try:
         with h5py.File(path, "r") as file:
             if "ENS_MAA" in file:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from lcmchain.quantities.units import length_factor
+
 # Metres to one of the units that meshes come in.
 UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0}
 SAME_SIZE = 0.3  # largest logarithm of the ratio of two sizes that are about the same
@@ -69,8 +71,6 @@ def stated_unit_hint(stated: float | None, length_unit: str) -> str | None:
     stated : metres to the unit that the file states, None where it states none.
     length_unit : that the mesh is read with.
     """
-    from lcmchain.quantities.units import length_factor
-
     if stated is None:
         return None
     now = UNITS[length_unit] if length_unit in UNITS else length_factor(length_unit)
@@ -87,8 +87,6 @@ def stated_unit_hint(stated: float | None, length_unit: str) -> str | None:
 def _sizes(ratio: float, length_unit: str) -> dict[str, float]:
     """Size of the mesh, in that of its sheet, with each other unit."""
     # Imported where a unit is doubted: the table of units takes long to set up.
-    from lcmchain.quantities.units import length_factor
-
     now = UNITS[length_unit] if length_unit in UNITS else length_factor(length_unit)
     return {
         unit: ratio * new / now

@@ -10,7 +10,7 @@ from lcmchain.draping.courses import Joint, joints_of
 from lcmchain.draping.drape import Draped
 from lcmchain.mesh.outline import polygon_area
 from lcmchain.pattern.tables import Table, write_line, write_table
-from lcmchain.run_files import COURSE_FILE, JOINT_TABLE, PLY_TABLE
+from lcmchain.pipeline import COURSE_FILE, JOINT_TABLE, PLY_TABLE
 
 
 def write_draped_files(folder: Path, draped: Draped) -> None:

@@ -22,6 +22,7 @@ from lcmchain.fields.sheet import (
     sheet_faces,
     sheet_positions,
 )
+from lcmchain.mesh.drawing import read_drawing
 from lcmchain.mesh.lines import cut_polygons, in_order
 from lcmchain.mesh.outline import check_simple, polygon_area
 from lcmchain.mesh.places import Places
@@ -188,8 +189,6 @@ def read_line(path: Path, length_unit: str | None) -> np.ndarray:
             raise InputError(str(error), key="heading", file=path) from None
     else:
         # Imported where a line is drawn: the library takes longer than others do.
-        from lcmchain.mesh.drawing import read_drawing
-
         try:
             line = read_drawing(
                 path, layer=None, slit_layer=None, length_unit=length_unit, sagitta=2e-5, gap=1e-5

@@ -4,7 +4,8 @@
 
     scene, forming.nc ─▶ start, pictures, stack_pictures, sections, plots
                                           │  by renderer, seen through view; style has colours,
-                                          │  how fields are shown, files and captions
+                                          │  how fields are shown, files and captions;
+                                          │  drawn_tools, fibre_segments: what of these is shown
                                           ▼
                                  run_pictures: all PNG files of a run, and its film
                                           │

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.patches import PathPatch
 
 from lcmchain.fields.stages import STAGE
 from lcmchain.report.renderer import one_path
@@ -156,9 +158,6 @@ def draw_tool(
     over_sheet : whether the tool tints what it lies in front of; a sheet whose colours are values
         stays as it is, and only the lines of the tool are upon it.
     """
-    from matplotlib.collections import LineCollection
-    from matplotlib.patches import PathPatch
-
     if len(triangles) == 0:
         return
     towards_viewer = facet_normals(points[triangles]) @ view.towards

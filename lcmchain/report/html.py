@@ -13,7 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from matplotlib import colormaps
 from numpy.typing import ArrayLike
+from PIL import Image
+from plotly.offline import get_plotlyjs
 
 from lcmchain import __version__
 from lcmchain.atomic import replacing
@@ -91,9 +95,6 @@ def write_report(
     InputError : the folder cannot be written.
     OutputError : writing failed on the way.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from plotly.offline import get_plotlyjs
-
     environment = Environment(
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -161,8 +162,6 @@ def _content(
 
 def _pictures(folder: Path, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
     """Yield file name, caption and data address of pictures in the order of ``CAPTIONS``."""
-    from PIL import Image
-
     order = list(CAPTIONS)
     for name in sorted(names, key=lambda n: order.index(n) if n in order else len(order)):
         packed = io.BytesIO()
@@ -415,8 +414,6 @@ def _limits(shown: Shown, values: np.ndarray) -> tuple[float, float]:
 
 
 def _colours(name: str) -> list[list[Any]]:
-    from matplotlib import colormaps
-
     places = np.linspace(0.0, 1.0, COLOURS)
     rgb = (255.0 * colormaps[name](places)[:, :3]).round().astype(int)
     return [[float(place), f"rgb({r},{g},{b})"] for place, (r, g, b) in zip(places, rgb)]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.patheffects import withStroke
 
 from lcmchain.fields.loads import has_histories, mean_force, quoted_force
 from lcmchain.fields.saved import SAMPLE
@@ -152,8 +153,6 @@ def _say_largest(
     axis: Axes, history: xr.Dataset, course: np.ndarray, time: np.ndarray, punch: int
 ) -> None:
     """Mark the force of the punch that the summary quotes, at its place of the course."""
-    from matplotlib.patheffects import withStroke
-
     name = str(history["tool"].values[punch])
     when, size = _largest_force(history, punch)
     place = float(np.interp(when, time, course)), size

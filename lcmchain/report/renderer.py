@@ -11,6 +11,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba_array
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as DrawnPath
+from matplotlib.patheffects import withStroke
+from matplotlib.transforms import Bbox
+from scipy.spatial import cKDTree
 
 from lcmchain.report.style import FAINT, INK, Shown
 from lcmchain.report.view import (
@@ -63,8 +70,6 @@ def draw_facets(
     shaded : whether light shows the shape; without it a colour is exactly a value.
     edge_darkness, edge_width : of the edges of facets: share of their colour, and points.
     """
-    from matplotlib.collections import PolyCollection
-
     faces = np.array(colours)[:, :3]
     if shaded:
         faces = np.clip(faces * brightness(corners, view)[:, None], 0.0, 1.0)
@@ -105,8 +110,6 @@ def draw_mesh(
     zorder: float = 1.0,
 ) -> None:
     """Draw facets (F, K, 3) that carry no values: one colour, thin edges while there are few."""
-    from matplotlib.collections import PolyCollection
-
     width = width if len(corners) <= MOST_FACES_WITH_EDGES else 0.0
     axis.add_collection(
         PolyCollection(
@@ -121,8 +124,6 @@ def draw_mesh(
 
 def draw_hatches(axis: Axes, corners: np.ndarray, view: View, pattern: str) -> None:
     """Hatch facets (F, K, 3) that are painted already."""
-    from matplotlib.collections import PolyCollection
-
     if len(corners):
         axis.add_collection(
             PolyCollection(
@@ -145,8 +146,6 @@ def draw_segments(
     zorder: float = 2.0,
 ) -> None:
     """Draw segments (S, 2, 3), such as the lines that describe a surface."""
-    from matplotlib.collections import LineCollection
-
     axis.add_collection(
         LineCollection(
             view.on_screen(segments), colors=colour, linewidths=width, alpha=alpha,  # type: ignore[arg-type]
@@ -165,8 +164,6 @@ def draw_silhouette(
     zorder: float = 1.0,
 ) -> None:
     """Tint what a surface covers: twice where a closed one has a front and a back."""
-    from matplotlib.patches import PathPatch
-
     for corners in fronts_and_backs(points, triangles, view):
         axis.add_patch(
             PathPatch(one_path(corners), facecolor=colour, alpha=0.09, linewidth=0.0, zorder=zorder)
@@ -178,8 +175,6 @@ def one_path(corners: np.ndarray) -> DrawnPath:
 
     Their overlaps are filled once.
     """
-    from matplotlib.path import Path as DrawnPath
-
     count, sides = corners.shape[:2]
     vertices = np.concatenate([corners, corners[:, :1]], axis=1).reshape(-1, 2)
     codes = [DrawnPath.MOVETO] + [DrawnPath.LINETO] * (sides - 1) + [DrawnPath.CLOSEPOLY]
@@ -197,8 +192,6 @@ def draw_outline(
     style: LineStyleType = (0, (5, 4)),
 ) -> None:
     """Draw the rim of a sheet as seen from above: one line for the legend, dashes run on."""
-    from matplotlib.collections import LineCollection
-
     lines = joined_outline(points, rim)
     axis.add_collection(LineCollection(lines, colors=colour, linewidths=width, linestyles=style))
     axis.plot([], [], color=colour, lw=width, ls=style, label=label)
@@ -219,8 +212,6 @@ def draw_fibres(
     ----------
     places : middles (P, 2). direction : unit vectors (P, 3), foreshortened where they are steep.
     """
-    from matplotlib.patheffects import withStroke
-
     flat = length * direction[:, :2]
     head = {"headwidth": 4.2, "headlength": 5.0, "headaxislength": 4.4} if arrows else {
         "headwidth": 0.0, "headlength": 0.0, "headaxislength": 0.0,
@@ -237,8 +228,6 @@ def even_places(centres: np.ndarray, across: int = 11) -> tuple[np.ndarray, np.n
 
     Arrows at the grid's places, not at the centres, stand in even rows on any mesh.
     """
-    from scipy.spatial import cKDTree
-
     low, high = centres.min(axis=0), centres.max(axis=0)
     spacing = float((high - low).max()) / across or 1.0  # one element has no extent
     counts = np.maximum(np.floor((high - low) / spacing + 1e-9).astype(int), 1)
@@ -361,8 +350,6 @@ def line_layer(
 
 def paint(axis: Axes, view: View, layers: Sequence[Layer], zorder: float = 1.0) -> None:
     """Paint all layers from back to front."""
-    from matplotlib.collections import PolyCollection
-
     depth = np.concatenate([layer.depth for layer in layers])
     order = np.argsort(depth, kind="stable")
     corners, faces, lines, widths = (
@@ -382,8 +369,6 @@ def _depth(corners: np.ndarray, view: View) -> np.ndarray:
 
 
 def _rgba(colour: np.ndarray | ColorType, count: int) -> np.ndarray:
-    from matplotlib.colors import to_rgba_array
-
     return np.array(np.broadcast_to(to_rgba_array(colour), (count, 4)))
 
 
@@ -395,8 +380,6 @@ LABEL_GAP = 4.0  # between a mark and its label, points
 
 def mark_extremes(axis: Axes, places: np.ndarray, values: np.ndarray, shown: Shown) -> None:
     """Mark the largest and the smallest value at their places (P, 2), with limits already set."""
-    from matplotlib.patheffects import withStroke
-
     if not np.isfinite(values).any():
         return
     axis.apply_aspect()  # else equal scales move marks and labels when all is drawn
@@ -438,8 +421,6 @@ def _extremes(places: np.ndarray, values: np.ndarray, shown: Shown) -> list[tupl
 
 def _around(axis: Axes, place: np.ndarray):
     """Return the box of a mark on the screen."""
-    from matplotlib.transforms import Bbox
-
     x, y = axis.transData.transform(place)
     return Bbox.from_extents(x - 9.0, y - 9.0, x + 9.0, y + 9.0)
 

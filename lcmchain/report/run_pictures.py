@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from PIL import Image
 
 from lcmchain.atomic import replacing
 from lcmchain.errors import InputError
@@ -344,8 +345,6 @@ def _fit(axis, shown_part: np.ndarray) -> None:
 
 
 def _write_gif(path: Path, images: Iterator[np.ndarray], seconds: float) -> None:
-    from PIL import Image
-
     frames = [Image.fromarray(pixels) for pixels in images]
     # One palette for the film: a colour is the same value in every frame. The last frame, with the
     # first one beside it, has all colours.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from matplotlib.collections import PolyCollection
 
 from lcmchain.fields.dataset import SHEET, SOLID
 from lcmchain.fields.sheet import (
@@ -263,8 +264,6 @@ def _box(plane: Plane, strips: Sequence[Strip], pad: float) -> np.ndarray:
 
 
 def _draw_sheet(axis: Axes, plane: Plane, strips: Sequence[Strip], colour: str) -> None:
-    from matplotlib.collections import PolyCollection
-
     for lower, upper in strips:
         outline = 1e3 * plane.flat(np.concatenate([lower, upper[::-1]]))
         axis.add_collection(

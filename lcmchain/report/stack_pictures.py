@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.collections import PolyCollection
 
 from lcmchain.fields.dataset import SHEET
 from lcmchain.fields.sheet import (
@@ -437,8 +438,6 @@ def _draw_unrolled(
     travel: np.ndarray | None,
 ) -> None:
     """Draw all plies over the length of the one that the plane cuts farthest."""
-    from matplotlib.collections import PolyCollection
-
     longest = _base_of(plane, plies)
     if longest is None:
         axis.text(0.5, 0.5, "the plane misses the stack", transform=axis.transAxes, ha="center")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Rectangle
 
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.report.renderer import (
@@ -22,6 +24,7 @@ from lcmchain.report.renderer import (
 )
 from lcmchain.report.style import FAINT, FIBRE_COLOURS, INK, RC, SERIES, headline, new_figure, save
 from lcmchain.report.view import FROM_ABOVE, boundary_edges, contour_edges, oblique, section
+from lcmchain.tools.tool import clip_to_box
 
 #: Plies of a stack that are drawn at most, and beside each other.
 MOST_PLIES_SHOWN = 16
@@ -158,8 +161,6 @@ def _tools_around(
     points: np.ndarray, tools: Sequence[tuple[str, np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, list[ToolInBox]]:
     """Return a box around points [mm], and name, points, triangles, colour of tools in it."""
-    from lcmchain.tools.tool import clip_to_box
-
     low, high = points.min(axis=0), points.max(axis=0)
     margin = np.array([0.16, 0.16, 0.34]) * float((high - low)[:2].max())
     box = np.stack([low - margin, high + margin])
@@ -314,9 +315,6 @@ def _set_gaps(axis, level, thickness, box) -> None:
 
 
 def _draw_section(axis, points, rim, thickness, shapes, y, *, colour="#b9c0c8") -> None:
-    from matplotlib.collections import LineCollection
-    from matplotlib.patches import Rectangle
-
     y += 1e-5 * np.ptp(points[:, 1])  # beside nodes and corners of tools in the plane
     for _, vertices, triangles, of_tool in shapes:
         if len(triangles):

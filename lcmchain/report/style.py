@@ -44,6 +44,7 @@ RC: dict[Any, Any] = {
 
 def new_figure(width: float, height: float) -> Figure:
     """Return a figure [inches] that needs no display."""
+    # Imported where something is drawn: a run reads the names of its files here at its start.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -14,7 +14,7 @@
          pace: what sets it, and which entry slows it (tables: what such functions ask of a scene)
                                │
          rungs: the same scene on another model level
-         cases: commented scenes that ``new`` writes
+         cases: commented scenes that ``lcmchain new`` writes
 
 Tables of tools, materials, elements, effects and interfaces stand beside what they configure.
 """

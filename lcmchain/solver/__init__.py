@@ -13,5 +13,6 @@
 
 A process in stages goes on from one to the next by ``stages``, with plies that are laid down. A
 stage may end at rest (``rest``), and a run may begin where a stage of another one ended
-(``stage_start``).
+(``stage_start``). The first run on a machine compiles its loops in two processes
+(``compile_beside``).
 """

@@ -11,6 +11,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import xarray as xr
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from rich.table import Table
 
 from lcmchain import __version__
@@ -315,8 +316,6 @@ ASSETS = Path(__file__).resolve().parent / "assets"
 
 def write_page(path: Path, study: AccuracyStudy, chart: Path) -> None:
     """Write the page of a study of accuracy, whole or not at all; ``chart`` is its PNG file."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     environment = Environment(
         loader=FileSystemLoader(ASSETS), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,

@@ -19,6 +19,8 @@ from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import reference_positions, sheet_faces, sheet_positions
 from lcmchain.fields.stack import PLY
+from lcmchain.judgements.grades import GOOD, GRADES
+from lcmchain.judgements.verdicts import verdicts
 
 if TYPE_CHECKING:
     from lcmchain.scene import Scene
@@ -100,9 +102,6 @@ class Outcome:
 
 def outcome_of(datasets: dict[str, xr.Dataset], summary: dict, scene: Scene) -> Outcome:
     """Return what is kept of a forming result (groups of ``forming.nc``, ``summary.json``)."""
-    from lcmchain.judgements.grades import GOOD, GRADES
-    from lcmchain.judgements.verdicts import verdicts
-
     numbers = dict(summary)
     if "energy" in summary:
         numbers["forming_work_J"] = summary["energy"]["external"]

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol
 
+from lcmchain import pipeline
 from lcmchain.check.effect_cost import measure_effects, record_effect_parts
 from lcmchain.compilation.threads import thread_count
 from lcmchain.coupons.pulled import PULLED, PulledTest
@@ -298,10 +299,8 @@ class SceneJob:
 
     def run(self, threads: int | None, tell: Progress | None = None) -> Outcome:
         """Run in a folder that is gone afterwards; raises as :func:`lcmchain.pipeline.run`."""
-        from lcmchain.pipeline import run
-
         with tempfile.TemporaryDirectory(prefix="lcmchain-study-") as folder:
-            result = run(self.scene, folder, threads=threads, progress=tell)
+            result = pipeline.run(self.scene, folder, threads=threads, progress=tell)
         return outcome_of(result.datasets, result.summary, self.scene)
 
 

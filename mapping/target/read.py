@@ -19,6 +19,7 @@ from lcmchain.mesh_files.shapes import (
     base_type,
     corner_count,
 )
+from lcmchain.quantities.units import QuantityError, length_factor
 
 KINDS = ("infiltration", "structure")
 
@@ -161,8 +162,6 @@ def _points_in_space(points: np.ndarray, path: Path) -> np.ndarray:
 def _length_factor(length_unit: str, path: Path) -> float:
     if length_unit == "m":
         return 1.0  # spares the time to set up a table of units
-    from lcmchain.quantities.units import QuantityError, length_factor
-
     try:
         return length_factor(length_unit)
     except QuantityError as error:

@@ -15,7 +15,7 @@ from lcmchain.fields.table import FIELDS
 from lcmchain.manual.contents import FOLDER, TOPICS, read_pages
 from lcmchain.manual.generated import generated_pages
 from lcmchain.manual.markdown import mathml, plain_text, render
-from lcmchain.manual.scene_reference import meaning_of, scene_keys
+from lcmchain.manual.scene_reference import _models_of, meaning_of
 from lcmchain.manual.site import build_site
 from lcmchain.scene import Scene
 from lcmchain.verification.hard_cases import CASES
@@ -120,6 +120,19 @@ def test_an_unknown_command_in_a_formula_shows():
 def test_generated_pages_are_up_to_date(topic):
     fresh = generated_pages(typer.main.get_command(app))[topic]
     assert PAGES[topic].text == fresh, "run `lcmchain docs --regenerate`"
+
+
+def scene_keys():
+    """Yield every table of a scene and each of its entries once."""
+    seen, waiting = set(), [Scene]
+    while waiting:
+        model = waiting.pop(0)
+        if model in seen:
+            continue
+        seen.add(model)
+        for key, field in model.model_fields.items():
+            yield model, key, field
+            waiting += _models_of(field.annotation)
 
 
 def test_the_scene_reference_holds_every_key():

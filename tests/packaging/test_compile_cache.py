@@ -406,7 +406,8 @@ def test_a_second_scene_compiles_only_what_no_scene_had_before(tmp_path):
 RUN = """
 import json, sys
 from numba.core import event
-from lcmchain import compile_beside, pipeline, read_scene
+from lcmchain import pipeline, read_scene
+from lcmchain.solver import compile_beside
 
 class Names(event.Listener):
     names = []

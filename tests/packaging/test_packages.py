@@ -3,6 +3,7 @@
 import ast
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -51,7 +52,6 @@ RANK_OF_CORE = {
     "provenance": 4,
     "solver": 4,
     "statics": 4,
-    "compile_beside": 5,
     "fields": 5,
     "judgements": 6,
     "draping": 6,
@@ -64,7 +64,6 @@ RANK_OF_CORE = {
     "check": 7,
     "bench": 7,
     "forming_run": 7,
-    "run_files": 7,
     "summary": 7,
     "pipeline": 7,
     "manual": 7,
@@ -76,6 +75,15 @@ RANK_OF_CORE = {
 OUTER_RANK = {"mapping": 1, "coupling": 2, "fmu": 3}
 # The only core modules that may import mapping, coupling or fmu, and only inside functions.
 CHAIN_MODULES = {"pipeline", "cli", "commands", "study"}
+# Packages whose files are one kind of thing, a file each: their pages need not list them.
+A_FILE_EACH = {"lcmchain.effects.sheet", "lcmchain.interfaces.laws"}
+# What the page of a package names: words as code, files, what an arrow of its drawing leads to
+# ("▶ geometry, kernel: ..."), and names with an underscore anywhere.
+NAMED_ON_PAGE = re.compile(
+    r"``([a-z]\w*)``|\b([a-z]\w*)\.py\b|[▶├└]─? ?([a-z]\w*(?:, [a-z]\w*)*):"
+    r"|(?<![\w.`:/])([a-z]\w*_\w+)\b(?![.(])"
+)
+DEFINED = re.compile(r"^\s*(?:def|class) (\w+)|^\s*(\w+)(?: =|:)", re.M)
 
 
 def source_files():
@@ -145,6 +153,44 @@ def test_every_package_folder_is_listed_for_the_wheel():
 def test_every_source_file_lies_in_a_package():
     lost = [str(file) for file, _ in source_files() if not (file.parent / "__init__.py").is_file()]
     assert lost == []
+
+
+def pages():
+    """Every package, its page (the docstring of its ``__init__.py``), and its folder."""
+    for file, name in source_files():
+        if file.name == "__init__.py":
+            tree = ast.parse(file.read_text(encoding="utf-8"))
+            yield name, ast.get_docstring(tree) or "", file.parent
+
+
+def test_the_page_of_a_package_names_what_exists():
+    """Files of the package and of those around it, and names in its own files."""
+    modules = {name for _, name in source_files()}
+    wrong = []
+    for package, page, folder in pages():
+        around = {package.rsplit(".", depth)[0] for depth in range(package.count(".") + 1)}
+        known = {module.rpartition(".")[2] for module in modules
+                 if module in around or module.rpartition(".")[0] in around}  # fmt: skip
+        for file in folder.glob("*.py"):
+            found = DEFINED.findall(file.read_text(encoding="utf-8"))
+            known |= {word for both in found for word in both}
+        named = {word for found in NAMED_ON_PAGE.findall(page) for part in found if part
+                 for word in part.split(", ")}  # fmt: skip
+        wrong += [f"{package}: {word}" for word in sorted(named - known)]
+        stated = set(re.findall(r":mod:`~?([\w.]+)`", page))
+        wrong += [f"{package}: {word}" for word in sorted(stated - modules)]
+    assert wrong == []
+
+
+def test_the_page_of_a_package_names_all_its_files():
+    modules = {name for _, name in source_files()}
+    wrong = []
+    for package, page, _ in pages():
+        own = {module.rpartition(".")[2] for module in modules
+               if module.rpartition(".")[0] == package} - {"__main__"}  # fmt: skip
+        if package not in A_FILE_EACH:
+            wrong += [f"{package}: {name}" for name in own if not re.search(rf"\b{name}\b", page)]
+    assert sorted(wrong) == []
 
 
 def test_every_core_module_has_a_rank():

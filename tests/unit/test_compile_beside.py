@@ -10,8 +10,8 @@ import warnings
 import pytest
 from numba import njit
 
-from lcmchain import compile_beside
-from lcmchain.compile_beside import Account, Helper, HelperWarning, compile_loops
+from lcmchain.solver import compile_beside
+from lcmchain.solver.compile_beside import Account, Helper, HelperWarning, compile_loops
 
 NAMES = ["steps", "frequency", "contact", "energies"]
 
@@ -209,7 +209,7 @@ def test_it_goes_on_only_where_the_steps_leave_a_core(monkeypatch, tmp_path, thr
 
 def test_a_first_process_that_is_killed_takes_the_second_one_along(tmp_path):
     program = (
-        "import os, sys, threading; from lcmchain import compile_beside; "
+        "import os, sys, threading; from lcmchain.solver import compile_beside; "
         "threading.Thread(target=compile_beside._end_with_the_first, daemon=True).start(); "
         "print('alive', flush=True); threading.Event().wait(60.0); print('left behind')"
     )

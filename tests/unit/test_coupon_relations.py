@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from lcmchain.coupons import analytic
 from lcmchain.coupons.analytic import BiasExtension, PictureFrame
@@ -122,15 +123,13 @@ def test_compaction_pressure_and_its_inverse():
     pressure = analytic.compaction_pressure(thickness / THICKNESS, *COMPACTION)
     assert 1e-6 * pressure == pytest.approx(table, abs=6e-6)
     assert pressure == pytest.approx(MD600.compaction_pressure(thickness / THICKNESS), rel=1e-12)
-    back = THICKNESS * analytic.stretch_at_pressure(pressure, *COMPACTION)
-    assert back == pytest.approx(thickness, rel=1e-12)
     inverse = {0.001: 0.9975, 0.01: 0.9377, 0.05: 0.8112, 0.2: 0.7124, 0.5: 0.6548, 2.0: 0.5732}
-    stretch = analytic.stretch_at_pressure(1e6 * np.array(list(inverse)), *COMPACTION)
-    assert 1e3 * THICKNESS * stretch == pytest.approx(list(inverse.values()), abs=6e-5)
+    for wanted, expected in inverse.items():
+        stretch = brentq(
+            lambda s, p=wanted: 1e-6 * analytic.compaction_pressure(s, *COMPACTION) - p, 0.4, 1.0
+        )
+        assert 1e3 * THICKNESS * stretch == pytest.approx(expected, abs=6e-5)
     assert analytic.compaction_pressure(1.1, *COMPACTION) == 0.0
-    for wrong in (-1.0, 1e12):
-        with pytest.raises(ValueError, match="pressure must lie between"):
-            analytic.stretch_at_pressure(wrong, *COMPACTION)
 
 
 def test_experimental_compaction_law():
@@ -140,8 +139,7 @@ def test_experimental_compaction_law():
     assert 1e-6 * pressure == pytest.approx([0.01789, 0.06381, 0.26987, 0.6008, 1.42603], rel=1e-3)
     fraction = analytic.power_law_fibre_volume_fraction(pressure, A, B)
     assert fraction == pytest.approx([0.3683, 0.4144, 0.4736, 0.5100, 0.5525], abs=6e-5)
-    back = analytic.power_law_thickness(pressure, A, B, solid_height)
-    assert back == pytest.approx(thickness, rel=1e-12)
+    assert solid_height / fraction == pytest.approx(thickness, rel=1e-12)
 
 
 # Load parameter; x/L, y/L, tip slope [deg], chord angle [deg], clamp moment M L / D.
@@ -181,7 +179,7 @@ def test_overhang_and_bending_length_of_the_published_stiffness():
     for degrees, stiffness, length, overhang in table:
         D = strip_bending_stiffness(MD600, math.radians(degrees), "free-strip")
         assert 1e3 * D == pytest.approx(stiffness, rel=2e-4)
-        assert 1e3 * analytic.bending_length(D, AREAL_WEIGHT) == pytest.approx(length, abs=6e-3)
+        assert 1e3 * np.cbrt(D / AREAL_WEIGHT) == pytest.approx(length, abs=6e-3)
         found = analytic.overhang_at_angle(D, AREAL_WEIGHT)
         assert 1e3 * found == pytest.approx(overhang, abs=0.06)
         assert analytic.bending_stiffness_from_overhang(found, AREAL_WEIGHT) == pytest.approx(D)

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from lcmchain.cli import app
 from lcmchain.errors import InputError
+from lcmchain.identification.data import find_specimens, grid_of
 from lcmchain.identification.from_file import identify_shear_file
-from lcmchain.identification.machine_export import find_specimens, grid_of
 
 CLEAN = Path(__file__).parents[2] / "examples" / "identification" / "shear.csv"
 ROWS = [line.split(",") for line in CLEAN.read_text(encoding="utf-8").splitlines()[2:]]

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from lcmchain.check import check_scene, scene_warnings
 from lcmchain.coupons.bias_extension import bias_extension
-from lcmchain.manual.preset_reference import preset_page
+from lcmchain.manual.generated import preset_page
 from lcmchain.materials.fabric import FabricMaterial, PresetName
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.presets import PRESETS, PUBLISHED

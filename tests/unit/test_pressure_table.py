@@ -33,7 +33,7 @@ from lcmchain.materials.law import (
     tangent_curvature,
     tangent_slope,
 )
-from lcmchain.run_files import input_files
+from lcmchain.pipeline import input_files
 from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.scene.reading.single_tables import formed_material, formed_plies
 from lcmchain.verification import random_elements as make

@@ -980,7 +980,7 @@ def test_degenerate_and_repeated_triangles_are_left_out(tmp_path):
     with pytest.warns(ToolWarning, match="2 triangles without area and 2 repeated"):
         surface = read_surface(write_mesh(tmp_path / "tool.ply", points, triangles), "m")
     assert len(surface.triangles) == 12
-    assert surface.open_edge_count == 0
+    assert np.all(surface.edge_use == 2)
 
 
 @pytest.mark.parametrize("binary", [True, False])
@@ -989,7 +989,7 @@ def test_stl_vertices_are_welded(tmp_path, binary):
     file = write_mesh(tmp_path / "sphere.stl", points, triangles, binary=binary)
     surface = read_surface(file, "mm")
     assert (len(surface.points), len(surface.triangles)) == (len(points), len(triangles))
-    assert surface.open_edge_count == 0
+    assert np.all(surface.edge_use == 2)
     np.testing.assert_allclose(np.linalg.norm(surface.points, axis=1), 0.05, rtol=1e-5)
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 from rich.console import Console
 
 from lcmchain.check import check_scene
-from lcmchain.check.tools_at_start import initial_gaps, require_no_initial_overlap, smallest_gap
+from lcmchain.check.tools_at_start import gaps_of_sheets, require_no_initial_overlap, smallest_gap
 from lcmchain.cli import main
 from lcmchain.errors import InputError
 from lcmchain.mesh.blank import build_blank
@@ -65,7 +65,7 @@ def gap_of_punch(scene):
     blank = build_blank(scene.blank, scene.material.thickness)
     directory = scene.source.directory
     table = build_tool_table(scene.tools, directory, 0.1, blank=blank.node_positions)
-    return initial_gaps(scene.tools, blank, table, directory)[1]
+    return gaps_of_sheets(scene.tools, [(blank, 0.0)], table, directory)[1]
 
 
 @pytest.mark.parametrize("shape", [STL, SPHERE])
@@ -291,5 +291,5 @@ def test_gaps_of_a_mid_surface_are_those_of_its_contact(tmp_path):
         scene = scene_at(tmp_path, shape, z=TOP + 0.2)
         blank = build_blank(scene.blank, scene.material.thickness)
         table = build_tool_table(scene.tools, tmp_path, 0.1, blank=blank.node_positions)
-        found = initial_gaps(scene.tools, blank, table, tmp_path, 0.5e-3 * TOP)
+        found = gaps_of_sheets(scene.tools, [(blank, 0.5e-3 * TOP)], table, tmp_path)
         assert [gap.gap for gap in found] == pytest.approx([0.0, 0.2e-3], abs=1e-9)

@@ -72,6 +72,14 @@ def scene(material=VISCOUS, process='time = "20 ms"', *overrides, more=""):
     )
 
 
+def steady_stress(viscous, angle, rate):
+    """Return what comes to S12 [Pa] at angles [rad] that grew from 0 at a rate [1/s]."""
+    moment = viscous.viscosity_at(rate) * rate
+    for term in viscous.terms:
+        moment = moment - term.modulus * term.time * rate * np.expm1(-angle / (rate * term.time))
+    return moment / np.cos(angle)
+
+
 def driven(viscous, strains, size):
     """Return the memory (steps, 3 + n) along shear strains that steps of a size lead to."""
     memory = np.zeros(len(viscous.memory))
@@ -127,7 +135,7 @@ def test_shear_at_a_constant_rate_has_the_stress_of_the_closed_form(rate):
     angles = size * rate * np.arange(1, 801)
     stress = driven(CROSS, np.sin(angles), size)[:, 1]
     # that of a step is the one half way
-    expected = CROSS.steady_stress(angles, rate)
+    expected = steady_stress(CROSS, angles, rate)
     np.testing.assert_allclose(stress[5:], expected[5:], rtol=1.5e-3)
     by_hand = sum(t.modulus * t.time * (1.0 - math.exp(-0.4 / rate / t.time)) for t in CROSS.terms)
     by_hand += 40.0 + (3e3 - 40.0) / (1.0 + (0.02 * rate) ** 0.65)
@@ -178,7 +186,9 @@ def test_viscosities_fall_with_the_rate_and_all_times_with_the_temperature():
     assert factor > 1.0
     shifted = CROSS.shifted(factor)
     # at a rate lower by the factor: the same stresses
-    assert shifted.steady_stress(0.3, 2.0 / factor) == pytest.approx(CROSS.steady_stress(0.3, 2.0))
+    assert steady_stress(shifted, 0.3, 2.0 / factor) == pytest.approx(
+        steady_stress(CROSS, 0.3, 2.0)
+    )
     assert shifted.glassy_modulus == CROSS.glassy_modulus
     warm = scene(
         VISCOUS + 'temperature = "280 degC"\nreference_temperature = "290 degC"\n'
@@ -312,7 +322,7 @@ def work_by_closed_form(material, rate, first, last):
     strain = np.zeros((8, 6))
     strain[:, 3] = np.sin(angle)
     stress = material.stress_and_tangent(strain)[0][:, 3]
-    stress += material.viscous.steady_stress(angle, rate)
+    stress += steady_stress(material.viscous, angle, rate)
     return 0.5 * (last - first) * float(np.dot(weights, stress * np.cos(angle)))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from lcmchain.elements.solid_shell.tangent import linearise
 from lcmchain.fields import FrameSeries, build_datasets, field_summary
-from lcmchain.fields.wrinkle_risk import (
+from lcmchain.fields.wrinkles import (
     COMPRESSION,
     LOCKING,
     RISK,

@@ -10,7 +10,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml, unpack
-from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, read_description
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     UnitError,
@@ -32,7 +32,6 @@ from lcmchain.coupling.cosimulation.ssp.structure import (
 from lcmchain.coupling.cosimulation.ssp.structure import Path as Place
 from lcmchain.coupling.cosimulation.start_values import configure
 from lcmchain.coupling.cosimulation.system_file import System, system_from
-from lcmchain.coupling.cosimulation.variable import Variable
 from lcmchain.errors import InputError
 from lcmchain.scene.reading.overrides import TomlTable
 

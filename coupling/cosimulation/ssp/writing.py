@@ -17,7 +17,14 @@ import numpy as np
 from lcmchain import __version__
 from lcmchain.atomic import replacing
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
-from lcmchain.coupling.cosimulation.description import UnitDescription, read_description
+from lcmchain.coupling.cosimulation.description import (
+    STRUCTURAL,
+    TRUTHS,
+    UnitDescription,
+    Variable,
+    VariableValues,
+    read_description,
+)
 from lcmchain.coupling.cosimulation.physical_units import BASE, PhysicalUnit
 from lcmchain.coupling.cosimulation.ssp.reading import ANNOTATION
 from lcmchain.coupling.cosimulation.ssp.structure import (
@@ -39,12 +46,6 @@ from lcmchain.coupling.cosimulation.start_values import (
 )
 from lcmchain.coupling.cosimulation.system_file import System
 from lcmchain.coupling.cosimulation.terminal_links import with_variables
-from lcmchain.coupling.cosimulation.variable import (
-    STRUCTURAL,
-    TRUTHS,
-    Variable,
-    VariableValues,
-)
 from lcmchain.errors import InputError
 
 #: Versions that are written, the default first.

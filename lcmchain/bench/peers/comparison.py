@@ -26,6 +26,7 @@ from lcmchain.bench.peers.plate import (
     own_displacement,
 )
 from lcmchain.bench.sizes import measured_plate
+from lcmchain.bench.tables import write_figures
 from lcmchain.compilation.threads import use_threads
 from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 
@@ -88,8 +89,6 @@ def _median_speed(turns: Sequence[PeerSpeed]) -> PeerSpeed:
 
 def run_peer_bench(json_file: Path | None = None) -> Table:
     """Measure, and return the table of ``lcmchain bench --peers``."""
-    from lcmchain.bench.tables import write_figures
-
     found = compare()
     if json_file is not None:
         write_figures(json_file, figures(found))

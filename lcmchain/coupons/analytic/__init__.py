@@ -1,12 +1,15 @@
-"""Closed-form relations of the coupon tests: what a fabric law means for force and shape."""
+"""Closed-form relations of the coupon tests: what a fabric law means for force and shape.
+
+``pure_shear`` (bias extension, picture frame), ``off_axis`` (strips at an angle to the fibres),
+``plate_compaction``, ``strip_bending`` (cantilevers). Coupons are compared with them, and
+identification fits them.
+"""
 
 from lcmchain.coupons.analytic.plate_compaction import (
     compaction_pressure,
     compaction_strain,
     power_law_fibre_volume_fraction,
     power_law_pressure,
-    power_law_thickness,
-    stretch_at_pressure,
 )
 from lcmchain.coupons.analytic.pure_shear import (
     BiasExtension,
@@ -18,7 +21,6 @@ from lcmchain.coupons.analytic.strip_bending import (
     CANTILEVER_ANGLE,
     Elastica,
     MomentCurve,
-    bending_length,
     bending_stiffness_from_overhang,
     curve_elastica,
     curve_elastica_with_tip_slope,
@@ -37,7 +39,6 @@ __all__ = [
     "MomentCurve",
     "PictureFrame",
     "ShearStress",
-    "bending_length",
     "bending_stiffness_from_overhang",
     "compaction_pressure",
     "compaction_strain",
@@ -50,8 +51,6 @@ __all__ = [
     "overhang_by_curve",
     "power_law_fibre_volume_fraction",
     "power_law_pressure",
-    "power_law_thickness",
     "shear_strain",
-    "stretch_at_pressure",
     "strip_stiffness",
 ]

@@ -145,11 +145,6 @@ def overhang_at_angle(
     return np.cbrt(factor * np.asarray(bending_stiffness) / areal_weight)
 
 
-def bending_length(bending_stiffness: ArrayLike, areal_weight: float) -> np.ndarray:
-    """Return Peirce's bending length (D/w)^(1/3) [m]."""
-    return np.cbrt(np.asarray(bending_stiffness) / areal_weight)
-
-
 def strip_stiffness(
     C11: float, C22: float, C12: float, orientation: ArrayLike, assumption: str
 ) -> np.ndarray:

@@ -25,20 +25,18 @@ from lcmchain.elements.solid_shell.effects import solid_shell_effects
 from lcmchain.elements.solid_shell.energies import centre_stretches, strain_energies
 from lcmchain.elements.solid_shell.frequency import IN_PLANE_MODES, frequency_bounds
 from lcmchain.elements.solid_shell.geometry import (
-    ReferenceGeometry,
-    reference_geometry,
-    strain_transformation,
-)
-from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, GENERAL, Options, SolidShellData
-from lcmchain.elements.solid_shell.packing import (
     Kind,
+    ReferenceGeometry,
     curved_rows,
     flat_rows,
     in_kind_blocks,
     kind_of,
     quick_blocks,
     quick_kind_of,
+    reference_geometry,
+    strain_transformation,
 )
+from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS, GENERAL, Options, SolidShellData
 from lcmchain.elements.solid_shell.pressure import normal_pressure
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError

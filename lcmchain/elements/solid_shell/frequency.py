@@ -21,6 +21,7 @@ from numba import prange
 from lcmchain.elements.blocks import LANES
 from lcmchain.elements.solid_shell.bending import inverse_stretch
 from lcmchain.elements.solid_shell.equations import stress_matrix
+from lcmchain.elements.solid_shell.geometry import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.solid_shell.kernel import (
     SolidShellData,
     constants_of_block,
@@ -34,7 +35,6 @@ from lcmchain.elements.solid_shell.kernel import (
     stabilising_tangent,
     stresses,
 )
-from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.elements.vectors import cross, dot
 from lcmchain.jit import equation, kernel, routine
 from lcmchain.materials.law import (

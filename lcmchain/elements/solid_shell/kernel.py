@@ -114,7 +114,7 @@ class SolidShellData(NamedTuple):
     law : see :mod:`lcmchain.materials.law`. options : :class:`Options`.
     corner_node : (block_count * 8 * 16,) int32, nodes of the corners.
     corner_run : where those of a corner in a block follow each other (``elements/blocks.py``).
-    element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``packing.py``).
+    element_data : reference geometry, FLAT_ROWS or CURVED_ROWS rows (see ``geometry.py``).
     quick_data, quick_options : constants (ALIGNED_ROWS or FLAT_ROWS rows) and choices for the
         forces of those blocks whose elements are all of a kind with a quicker kernel: rectangles
         along the fibres, or, where others are curved, parallelograms; ``None`` without such blocks.

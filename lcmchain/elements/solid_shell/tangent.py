@@ -23,9 +23,8 @@ import numpy as np
 from lcmchain.elements.blocks import from_blocks
 from lcmchain.elements.family import Body
 from lcmchain.elements.solid_shell.equations import NINTH, THIRD
-from lcmchain.elements.solid_shell.geometry import MODES
+from lcmchain.elements.solid_shell.geometry import COVARIANT_PRODUCTS, MODES, TERMS
 from lcmchain.elements.solid_shell.kernel import CURVATURE_ROWS
-from lcmchain.elements.solid_shell.packing import COVARIANT_PRODUCTS, TERMS
 from lcmchain.materials.law import (
     bending_response,
     bends_by_curves,

@@ -1,1 +1,1 @@
-"""The interface laws that a scene can choose in ``interfaces.laws``, by ``type``: a file each."""
+"""The interface laws that a scene can choose as ``interfaces.laws.type``: a file each."""

@@ -172,15 +172,6 @@ class ViscousShear:
         pairs = zip(self.terms, moments, strict=True)
         return sum((moment**2 / (2.0 * term.modulus) for term, moment in pairs), start=0.0)
 
-    def steady_stress(self, angle: ArrayLike, rate: ArrayLike) -> np.ndarray:
-        """Return what comes to S12 [Pa] at angles [rad] that grew from 0 at a rate [1/s]."""
-        turned, speed = np.asarray(angle, dtype=float), np.asarray(rate, dtype=float)
-        moment: np.ndarray = self.viscosity_at(speed) * speed
-        for term in self.terms:
-            passed = turned / (speed * term.time)
-            moment = moment - term.modulus * term.time * speed * np.expm1(-passed)
-        return moment / np.cos(turned)
-
 
 def memory_of(count: int) -> tuple[Remembered, ...]:
     """Return what a law with so many Maxwell elements remembers."""

@@ -1,1 +1,6 @@
-"""Commented scenes to start from, one file per case: what ``lcmchain new`` writes."""
+"""Commented scenes to start from: what ``lcmchain new`` writes.
+
+::
+
+    options ─▶ moulds, simple_tools: what is not given ─▶ sheet: templates/ ─▶ scene.toml
+"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import textwrap
 from dataclasses import dataclass
 from importlib.resources import files
 from string import Template
@@ -38,8 +39,6 @@ def mm(length: float) -> str:
 
 def wrapped_comment(text: str) -> str:
     """Return a text as comment lines of a scene."""
-    import textwrap
-
     lines = textwrap.wrap(text, width=96, break_long_words=False, break_on_hyphens=False)
     return "\n".join(f"# {line}" for line in lines)
 

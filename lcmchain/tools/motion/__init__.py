@@ -1,8 +1,9 @@
 """Motion of rigid tools: at rest, prescribed along a direction or about an axis, or guided.
 
-A motion is a scene table with the methods of :class:`ToolMotion`. It is registered by its place in
-``Motion``. One whose travel is given over time, but neither as a stroke nor as a table, also has
-its compiled law called in :func:`prescribed_travel`.
+A motion is a scene table with the methods of :class:`ToolMotion` (``base``). It is registered by
+its place in ``Motion``. One whose travel is given over time (``prescribed``), but neither as a
+stroke nor as a table, also has its compiled law called in :func:`prescribed_travel`. One that
+follows from forces is ``guided``.
 """
 
 from __future__ import annotations

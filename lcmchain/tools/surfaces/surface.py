@@ -61,11 +61,6 @@ class Surface:
     orientation: Orientation
 
     @property
-    def open_edge_count(self) -> int:
-        """Number of edges with a triangle on one side only; zero for a closed surface."""
-        return int(np.count_nonzero(self.edge_use == 1))
-
-    @property
     def normals(self) -> np.ndarray:
         """Unit normals of the triangles, shape [triangle_count, 3]."""
         a, b, c = (self.points[self.triangles[:, i]] for i in range(3))

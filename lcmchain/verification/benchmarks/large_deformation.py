@@ -138,15 +138,6 @@ PINCHED_CYLINDER = np.array(
     ]
 )  # fmt: skip
 
-# The same from MBDyn's four-node shell on 48x48 elements (tests/plates/sze2004/sze36 of its
-# sources, read off between load steps): an independent element with linear elastic Biot strains.
-PINCHED_CYLINDER_MBDYN = np.array(
-    [
-        [0.10, 23.06, -2.363], [0.25, 62.35, 15.41], [0.50, 74.32, 25.99],
-        [0.75, 79.92, 31.29], [1.00, 83.79, 35.11],
-    ]
-)  # fmt: skip
-
 
 def hemisphere(
     count: int = 16,

@@ -1,5 +1,8 @@
 """Hard cases of the element, the time integration, contact and forming, with their criteria.
 
+    sheets ─▶ elements, coupons, compaction, contact_and_tools, forming, stacks, time_integration
+                                                        └─▶ case: CASES ─▶ report
+
 Every case is a function on the list :data:`CASES`; its docstring says why it is hard. The tests run
 all of them, ``lcmchain verify hard-cases`` prints their table.
 """

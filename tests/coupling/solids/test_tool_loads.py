@@ -51,6 +51,9 @@ def test_fibres_fluid_and_friction_are_the_force_on_the_tool():
         assert np.abs(load.rest).max() < 0.01 * np.abs(load.total).max()
         assert sign * load.fluid[2] == pytest.approx(pressure * area, rel=2e-2, abs=1e-9)
         assert abs(load.friction[2]) < 1e-12 * abs(load.total[2])
-        law = part.simulation.model.only_body().material.compaction_pressure
-        stretch = part.normal_thickness() / 1.004e-3
+        model, state = part.simulation.model, part.simulation.state
+        body = model.only_body()
+        history = model.history_of(body, state.history)
+        stretch = body.condition(state.position, history).thickness_stretch
+        law = body.material.compaction_pressure
         assert sign * load.fibres[2] == pytest.approx(law(stretch).mean() * area, rel=0.02)

@@ -46,7 +46,7 @@ REPORT_INTERVAL = 0.5
 PROGRAM = (
     "import json, sys; "
     "sys.path[:] = json.loads(sys.stdin.buffer.readline()); "
-    "from lcmchain.compile_beside import compile_for_another; "
+    "from lcmchain.solver.compile_beside import compile_for_another; "
     "compile_for_another()"
 )
 
