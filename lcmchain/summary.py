@@ -21,6 +21,7 @@ from lcmchain.judgements.contact import (
     hidden_compaction_warnings,
     penetration_warnings,
     ply_depth_warnings,
+    stop_warnings,
 )
 from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.judgements.fields import fibre_strain_measures, fibre_strain_warnings, field_warnings
@@ -30,6 +31,7 @@ from lcmchain.judgements.quasi_static import (
     process_time_needed,
     quasi_static_measures,
     quasi_static_warnings,
+    rest_warnings,
     snap_warnings,
     still_moving_warning,
 )
@@ -106,8 +108,8 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
-    from lcmchain.fields.loads import stop_warnings, tool_stops
-    from lcmchain.fields.stages import rest_warnings, stage_summary
+    from lcmchain.fields.loads import tool_stops
+    from lcmchain.fields.stages import stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
 
     model, state = simulation.model, simulation.state
@@ -183,7 +185,7 @@ def _before_release(scene: Scene, times: Sequence[float]) -> int:
 def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:
     """Return where the fields of each sheet leave the range of the model, with its name."""
     from lcmchain.fields.stack import plies_of
-    from lcmchain.fields.table import NO_THICKNESS
+    from lcmchain.quantities.fields import NO_THICKNESS
 
     def told(sheet: xr.Dataset, material: Material) -> list[str]:
         return field_warnings(sheet, material) + joint_warnings(sheet, material.thickness)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lcmchain.fields.saved import HISTORY_FIELDS
-from lcmchain.fields.table import FIELDS, Field
 from lcmchain.manual.tables import code, markdown_table
+from lcmchain.quantities.fields import FIELDS, Field
 
 HEAD = """# Fields
 

@@ -1,1 +1,4 @@
-"""Physical quantities and the entry types of scene tables; every room may build on them."""
+"""Physical quantities, the entry types of scene tables, and the fields of results.
+
+Every room may build on them.
+"""
