@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.coupling.permeability import principal_permeabilities
-from lcmchain.fields import FIELDS, FrameSeries, Histories, add_face_variables, model_datasets
+from lcmchain.fields import FrameSeries, Histories, add_face_variables, model_datasets
 from lcmchain.fields.sheet import face_normals, families_of, vector
 from lcmchain.fields.stages import with_stages
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.results import COMPLETE
 from lcmchain.scene import Scene
 from lcmchain.scene.infiltration.laws import Permeability

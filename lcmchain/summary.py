@@ -17,14 +17,14 @@ from lcmchain.check import run_effects
 from lcmchain.check.tool_strokes import tools_never_touched
 from lcmchain.effects.process.mass_scaling import added_mass
 from lcmchain.fields.courses import joint_widths
-from lcmchain.fields.loads import gripper_loads, stop_warnings, tool_stops
+from lcmchain.fields.loads import gripper_loads, tool_stops
 from lcmchain.fields.stack import plies_of
-from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.judgements.contact import (
     hidden_compaction,
     hidden_compaction_warnings,
     penetration_warnings,
     ply_depth_warnings,
+    stop_warnings,
 )
 from lcmchain.judgements.crossings import joint_warnings
 from lcmchain.judgements.fields import fibre_strain_measures, fibre_strain_warnings, field_warnings
@@ -34,9 +34,11 @@ from lcmchain.judgements.quasi_static import (
     process_time_needed,
     quasi_static_measures,
     quasi_static_warnings,
+    rest_warnings,
     snap_warnings,
     still_moving_warning,
 )
+from lcmchain.quantities.fields import NO_THICKNESS
 from lcmchain.results import RUNNING
 from lcmchain.scene import left_out_of, rung_of
 from lcmchain.scene.pace import slowing_entry
@@ -110,7 +112,7 @@ def run_summary(
     """
     # Imported when there are fields: a run need not wait for xarray before its first step.
     from lcmchain.fields.dataset import HISTORY
-    from lcmchain.fields.stages import rest_warnings, stage_summary
+    from lcmchain.fields.stages import stage_summary
     from lcmchain.fields.summary import field_summary, punch_index, stack_summary
 
     model, state = simulation.model, simulation.state

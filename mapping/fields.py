@@ -21,12 +21,13 @@ from lcmchain.mapping.surfaces.averages import (
 from lcmchain.mapping.surfaces.search import closest_points
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.weights import MappingWeights, Status
+from lcmchain.quantities.fields import ANGLE_ABOUT_NORMAL, FIELDS, TOTAL
 
 # Faces agree on the density of the fibres when they differ by no more than storing them does.
 ONE_DENSITY = 1e-4
 
 # Fields that count something per area; its total over the covered area is kept.
-CONTENTS = ("areal_fibre_mass",)
+CONTENTS = tuple(name for name, field in FIELDS.items() if field.mapped == TOTAL)
 
 # Ending of the name of the error that the mapping adds to a field.
 ERROR = "_mapping_error"
@@ -35,7 +36,9 @@ ERROR = "_mapping_error"
 PERMEABILITY = "permeability"
 
 # Angles between axes, counted about the normal: seen from the other side they change their sign.
-ABOUT_NORMAL = frozenset({"shear_angle", "shear_angle_23", "shear_angle_31"})
+ABOUT_NORMAL = frozenset(
+    name for name, field in FIELDS.items() if field.mapped == ANGLE_ABOUT_NORMAL
+)
 
 
 @dataclass(frozen=True)

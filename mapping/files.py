@@ -13,7 +13,6 @@ import numpy as np
 
 from lcmchain import __version__
 from lcmchain.fields.netcdf_file import ROOT
-from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, Variable, saved_times
 from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
 from lcmchain.mapping.fields import ERROR, PERMEABILITY, MappedFields, turned
@@ -30,6 +29,7 @@ from lcmchain.mapping.target.variables import (
     point_data,
 )
 from lcmchain.mapping.weights import MappingWeights, Status
+from lcmchain.quantities.fields import FIELDS
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,7 +12,6 @@ import numpy as np
 from lcmchain.atomic import replacing
 from lcmchain.errors import first_few
 from lcmchain.mapping.fields import (
-    CONTENTS,
     MappedFields,
     content_of_cells,
     content_of_sheet,
@@ -177,7 +176,7 @@ def mapping_report(
 
 
 def _fibre_mass(sheet: Sheet, weights: MappingWeights, mapped: MappedFields):
-    name = CONTENTS[0]
+    name = "areal_fibre_mass"
     # Several solids may lie over each other in the thickness: their sections have no common area.
     if name not in mapped.scalars or np.all(weights.cell_area == 0.0):
         return None, None, None

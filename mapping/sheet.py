@@ -15,9 +15,9 @@ import xarray as xr
 from lcmchain.errors import InputError, shortened
 from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fields.stack import film_names
-from lcmchain.fields.table import FIELD_OF_VARIABLE, OF_STACK
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.surfaces.surface import Surface
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE, OF_STACK
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -28,9 +28,9 @@ from lcmchain.coupling.solids.local import SavedCompaction
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.stages import STAGE, stage_variable
-from lcmchain.fields.table import FACE, NODE, Field
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, Variable
 from lcmchain.fields.vtu import frame_file, vtk_blocks, write_frame_list, write_mesh
+from lcmchain.quantities.fields import FACE, NODE, Field
 from lcmchain.solver.simulation import StepControl
 from lcmchain.state import State
 

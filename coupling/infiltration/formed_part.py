@@ -17,7 +17,6 @@ import numpy as np
 from lcmchain.coupling.permeability import principal_permeabilities
 from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
-from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
 from lcmchain.mapping.plies import SHARE, on_faces_of_one
@@ -33,6 +32,7 @@ from lcmchain.mapping.target import TargetMesh, read_target
 from lcmchain.mesh.places import place_text
 from lcmchain.mesh_files.formats import format_of
 from lcmchain.mesh_files.readers.decks.nastran_sets import AMBIGUOUS_SETS
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.results import require_complete
 from lcmchain.scene.infiltration import OwnPermeability, Preform
 from lcmchain.scene.infiltration.laws import Permeability

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from lcmchain.errors import InputError
-from lcmchain.fields.table import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
 from lcmchain.interfaces.in_frames import FRAME_ROWS
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.mesh.outline import check_element_count
+from lcmchain.quantities.fields import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
 from lcmchain.scene import Scene
 
 # --- memory of saved frames -----------------------------------------------------------------------

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lcmchain.effects.sheet import viscous_shear
-from lcmchain.fields.table import NO_THICKNESS
+from lcmchain.quantities.fields import NO_THICKNESS
 from lcmchain.quantities.readable import two_digits
 from lcmchain.scene import Scene, left_out_of
 from lcmchain.scene.infiltration.boundaries import Bag

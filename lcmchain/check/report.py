@@ -54,7 +54,7 @@ from lcmchain.errors import InputError
 from lcmchain.judgements.quasi_static import ProcessTime, process_time_needed, process_time_remarks
 from lcmchain.mesh.blank import BlankMesh
 from lcmchain.model import Model, build_model
-from lcmchain.quantities.readable import millimetres
+from lcmchain.quantities.readable import duration_text, millimetres
 from lcmchain.report.style import START_PICTURE
 from lcmchain.scene import Scene
 from lcmchain.tools import ToolTable, build_tool_table
@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from lcmchain.report.start import ShownGrip
 
 
-# --- what the net of kinematic draping says, in milliseconds --------------------------------------
+# --- what the net of kinematic draping says -------------------------------------------------------
 
 
 #: Rows that differ between plies that are draped alike.
@@ -191,7 +191,7 @@ def _rows(draped: Draped) -> Iterator[tuple[str, str]]:
         yield f"joint of {joint.below} and {joint.above}", joint.in_words()
     if missing is not None:
         yield "not laid", f"{unplaced:.1%} of the area: {missing}"
-    yield LAID_IN, f"{1e3 * draped.wall_s:.0f} ms"
+    yield LAID_IN, duration_text(draped.wall_s)
 
 
 # --- the check ------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcmchain.commands.options import OutFolder, Overrides, output_folder
+from lcmchain.commands.options import Overrides, output_folder
 from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
 
 if TYPE_CHECKING:
@@ -32,6 +32,12 @@ MaterialScene = Annotated[
     Path | None,
     typer.Option(
         "--scene", metavar="SCENE", help="Take material and element of this scene; default MD600."
+    ),
+]
+OutFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of the results; default results/coupon/<test>."
     ),
 ]
 EdgeLength = Annotated[str, typer.Option(metavar="LENGTH", help="Edge length of the elements.")]

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lcmchain.commands.options import (
-    OutFolder,
     Overrides,
     Quiet,
     default_out,
@@ -24,6 +23,13 @@ from lcmchain.errors import InputError, UnfinishedRun
 
 if TYPE_CHECKING:
     from lcmchain.study.runs import Workers
+
+OutFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<scene>_<study>."
+    ),
+]
 
 study_app = typer.Typer(
     no_args_is_help=True,

@@ -1,9 +1,10 @@
-"""Fields of a forming result: what they are, how they follow from positions, and their files.
+"""Fields of a forming result: how they follow from positions, and their files.
+
+They are declared in :mod:`lcmchain.quantities.fields`.
 
     run ─▶ saved ─▶ dataset ─▶ netcdf_file (forming.nc) ─▶ whoever reads a result
          (FrameSeries, │        vtu (ParaView)             (report, study, mapping, fmu)
           Histories)   │
-                       ├─ table: every field declared once, with unit and meaning
                        ├─ derived, wrinkles, between_plies: values at faces and nodes
                        ├─ stack: plies, and what lies over each other; courses of a ply
                        ├─ stages: stages of the process, springback

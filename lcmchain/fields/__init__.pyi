@@ -10,12 +10,9 @@ from .netcdf_file import read_forming, read_group, write_forming_netcdf
 from .saved import FrameSeries, Histories
 from .sheet import sheet_areas, sheet_faces, sheet_positions
 from .summary import fibre_mass, field_summary
-from .table import FIELDS, Field
 from .vtu import write_pvd, write_vtu
 
 __all__ = [
-    "FIELDS",
-    "Field",
     "FrameSeries",
     "Histories",
     "LaidSheet",

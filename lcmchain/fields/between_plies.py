@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from lcmchain.elements.family import Body
-from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import Described
 from lcmchain.interfaces.in_frames import (
     APART,
@@ -24,6 +23,7 @@ from lcmchain.interfaces.in_frames import (
     STICKS,
 )
 from lcmchain.interfaces.surfaces import NONE
+from lcmchain.quantities.fields import FIELDS
 
 #: What stands for no ply in the names of ``faced_ply``.
 NO_PLY = "none"

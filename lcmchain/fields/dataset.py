@@ -24,7 +24,6 @@ from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.saved import HISTORY, FrameSeries, Histories, history_dataset
 from lcmchain.fields.sheet import BUCKLES, COURSE, FROM_PLY_AXIS, JOINT_GAP
 from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
-from lcmchain.fields.table import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
@@ -43,6 +42,7 @@ from lcmchain.materials.law import (
     tells_fibres,
 )
 from lcmchain.mesh.sheet_mesh import SheetMesh
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE, FIELDS, NO_THICKNESS
 from lcmchain.scene.stages import plies_there
 from lcmchain.tools.table import turning
 
@@ -201,7 +201,7 @@ def build_datasets(
     """Turn the saved frames of one sheet into the groups of ``forming.nc``.
 
     The root group ``"/"`` holds the mid-surface as the two-dimensional UGRID mesh ``sheet`` with
-    the fields of :data:`lcmchain.fields.table.FIELDS`, and nothing that readers of such meshes
+    the fields of :data:`lcmchain.quantities.fields.FIELDS`, and nothing that readers of such meshes
     do not know. Its node coordinates are those of the **last frame**, so that viewers show the
     formed shape; ``reference_position_*`` and ``displacement_*`` give the shape of every frame
     (:func:`lcmchain.fields.sheet.sheet_positions`). ``"/solid"`` holds the solid-shell elements,
@@ -313,7 +313,7 @@ def add_face_variables(
     datasets : from :func:`build_datasets`.
     variables : values by name, of shape (frame_count, face_count), or with a last axis of three
         for a vector, which becomes three variables. Either the values alone, for a name in
-        :data:`lcmchain.fields.table.FIELDS`, or ``(values, attributes)`` with ``units`` and
+        :data:`lcmchain.quantities.fields.FIELDS`, or ``(values, attributes)`` with ``units`` and
         ``long_name``. Shapes without the leading axis hold for every frame.
 
     Raises

@@ -41,7 +41,7 @@ def derive_fields(
 
     Returns
     -------
-    The variables of those face fields in :data:`lcmchain.fields.table.FIELDS` that follow from
+    The variables of those face fields in :data:`lcmchain.quantities.fields.FIELDS` that follow from
     positions, each of shape (..., element_count); without ``fibre_volume_fraction`` where the fibre
     density is unknown, without all that needs a thickness for meshes that have none, and without
     all that is of fibres for films and rubber.

@@ -13,12 +13,12 @@ maximum.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.fields.saved import SAMPLE, tables_of_tools
+from lcmchain.fields.saved import SAMPLE
 from lcmchain.fields.sheet import edge_length, largest_turn, vector
 from lcmchain.mesh.hexahedron import largest_ripple
 from lcmchain.state import STOPPED_TIME, STOPPED_TRAVEL
@@ -498,19 +498,3 @@ def tool_stops(model: Model, state: State) -> dict[str, Any]:
                 entry["travel_m"] = float(stopped[STOPPED_TRAVEL])
                 stops.setdefault(name, []).append(entry)
     return {"tool_stops": stops} if stops else {}
-
-
-def stop_warnings(model: Model, state: State) -> Iterator[str]:
-    """Say which strokes went their whole way without the force that was to end them."""
-    for number, tools in enumerate(tables_of_tools(model)):
-        for tool in np.flatnonzero(np.isfinite(tools.until_force)).tolist():
-            over = state.time >= tools.stroke_end[tool] * (1.0 - 1e-12)
-            if over and np.isinf(state.tool_stopped[tool, number, STOPPED_TIME]):
-                name = model.tool_names[tool]
-                stage = f"stages.{model.stages[number].name}.motions.{name}" if model.stages else ""
-                yield (
-                    f"{name} went its whole stroke of {1e3 * abs(tools.stroke_distance[tool]):.4g} "
-                    f"mm, and the sheet never pressed against it with "
-                    f"{tools.until_force[tool]:.4g} N; give a longer distance or a smaller "
-                    f"until_force in {stage or f'tools.{name}.motion'}"
-                )

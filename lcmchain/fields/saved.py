@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lcmchain.fields.table import Field
 from lcmchain.fields.ugrid import TIME, Variable, saved_times
+from lcmchain.quantities.fields import Field
 from lcmchain.solver.histories import let_go_times
 from lcmchain.state import SAMPLE_COLUMNS, SAMPLED_ENERGIES, SAMPLES, TOOL_SAMPLE_COLUMNS
 from lcmchain.tools.table import turning

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.fields.derived import face_area_vectors, median_edge_length
-from lcmchain.fields.table import MOST_FAMILIES
+from lcmchain.quantities.fields import MOST_FAMILIES
 
 if TYPE_CHECKING:
     import xarray as xr

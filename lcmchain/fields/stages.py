@@ -11,8 +11,8 @@ import numpy as np
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.saved import HISTORY
 from lcmchain.fields.sheet import sheet_positions
-from lcmchain.fields.table import FIELDS
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.scene.stages import plies_there, stage_at
 from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
 
@@ -164,27 +164,6 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
         summary["springback_max_m"] = float(np.nanmax(last))
         summary["springback_mean_m"] = float(np.nanmean(last))
     return summary
-
-
-def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
-    """Say which stages ended before the sheet was at rest, and how still it was."""
-    warnings = []
-    for stage in summary.get("stages", ()):
-        rest = stage.get("rest")
-        if rest is None or rest["reached_s"] is not None or not rest["ended"]:
-            continue
-        part = rest["energy_part"]
-        how = "its motions took all of the time"
-        if part is not None:
-            how = (
-                f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
-                f"wanted is {rest['wanted']:g}"
-            )
-        warnings.append(
-            f"the sheet did not come to rest in the stage {stage['name']}: {how}; use a longer "
-            f"stages.{stage['name']}.time"
-        )
-    return warnings
 
 
 def last_frames(history: xr.Dataset) -> list[tuple[str, int]]:

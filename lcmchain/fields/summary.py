@@ -14,6 +14,7 @@ from lcmchain.fields.sheet import fibre_strains, node_areas, sheet_areas, vector
 from lcmchain.fields.stack import film_names, plies_of
 from lcmchain.fields.wrinkles import EXPECTED, RISK
 from lcmchain.interfaces.in_frames import APART
+from lcmchain.quantities.fields import FIELDS, LEAST, SIZE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,10 +43,9 @@ def field_summary(
 
     Returns
     -------
-    ``thickness_min_m``, ``thickness_max_m``, ``shear_angle_max_rad`` (magnitude),
-    ``fibre_strain_max`` (magnitude; of fibres that buckle in tension alone),
-    ``fibre_volume_fraction_max``, ``wrinkle_height_max_m`` (magnitude), ``wrinkle_risk_max`` and
-    ``wrinkle_risk_part``, the part of the area with a risk of at least 1, ``fibre_mass_kg``,
+    The ``extrema`` of the fields (``thickness_min_m``; ``shear_angle_max_rad``, a magnitude, ...),
+    ``fibre_strain_max`` (magnitude; of fibres that buckle in tension alone), ``wrinkle_risk_max``
+    and ``wrinkle_risk_part``, the part of the area with a risk of at least 1, ``fibre_mass_kg``,
     ``fibre_mass_error`` (relative to the first frame), ``punch_force_max_N``, the largest mean over
     a twentieth of the process (of a result without histories, the largest of the frames), and with
     histories ``punch_force_quoted_N``, the figure to quote, ``punch_force_peak_N`` of a single
@@ -64,27 +64,29 @@ def _sheet_summary(sheet: xr.Dataset, frame: int) -> dict[str, Any]:
     last = sheet.isel(time=frame)
     # a sheet of a stack may lack a field that others have
     summary: dict[str, Any] = {}
-    if "thickness" in last:
-        summary["thickness_min_m"] = float(last["thickness"].min())
-        summary["thickness_max_m"] = float(last["thickness"].max())
+    for name, field in FIELDS.items():
+        for kind in field.extrema if name in last else ():
+            summary[field.extremum(kind)] = _extremum(last[name], kind)
     if "areal_fibre_mass" in last:  # a film has no fibres
         mass = fibre_mass(sheet, frame)
         summary |= {
-            "shear_angle_max_rad": float(np.abs(last["shear_angle"]).max()),
             "fibre_strain_max": float(np.nanmax(fibre_strains(last))),
             "fibre_mass_kg": mass,
             "fibre_mass_error": mass / fibre_mass(sheet, 0) - 1.0,
         }
-    if "fibre_volume_fraction" in last:
-        summary["fibre_volume_fraction_max"] = float(last["fibre_volume_fraction"].max())
-    if "wrinkle_height" in last:
-        summary["wrinkle_height_max_m"] = float(np.abs(last["wrinkle_height"]).max())
     if RISK in last:
         risk = np.nan_to_num(last[RISK].values)  # nan on the films of a stack
         areas = sheet_areas(sheet, 0)
         summary["wrinkle_risk_max"] = float(risk.max())
         summary["wrinkle_risk_part"] = float(areas[risk >= EXPECTED].sum() / areas.sum())
     return summary
+
+
+def _extremum(values: xr.DataArray, kind: str) -> float:
+    """Return the least or most, or the largest magnitude, of what is a number."""
+    if kind == SIZE:
+        return float(np.abs(values).max())
+    return float(values.min() if kind == LEAST else values.max())
 
 
 def _forces(history: xr.Dataset, sheet: xr.Dataset, punch: int) -> dict[str, Any]:

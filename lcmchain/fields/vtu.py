@@ -15,8 +15,8 @@ from lcmchain.errors import InputError
 from lcmchain.fields.dataset import HISTORY, SHEET, SOLID
 from lcmchain.fields.sheet import vector
 from lcmchain.fields.stack import PLY, plies_of
-from lcmchain.fields.table import BETWEEN_PLIES, FIELDS
 from lcmchain.mesh_files.shapes import base_type, corner_count, is_known_to_vtk
+from lcmchain.quantities.fields import BETWEEN_PLIES, FIELDS
 
 if TYPE_CHECKING:
     import xarray as xr

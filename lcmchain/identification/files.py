@@ -111,17 +111,19 @@ def tables(result: Identification) -> tuple[Table, Table]:
     found = Table(title=fit_text(result), title_justify="left")
     columns: tuple[tuple[str, Literal["left", "right"]], ...] = (
         ("parameter", "left"), ("value", "right"), ("unit", "left"), ("95 % interval", "right"),
-        ("", "left"),
     )  # fmt: skip
     for heading, justify in columns:
         found.add_column(heading, justify=justify)
-    for p in (*result.parameters, *result.derived):
+    every = (*result.parameters, *result.derived)
+    if not all(p.is_determined for p in every):
+        found.add_column("remark")
+    for p in every:
         unit, factor = SHOWN_UNITS[p.unit]
         interval = (
             f"{factor * p.low:.5g} ... {factor * p.high:.5g}" if math.isfinite(p.low) else "unknown"
         )
-        mark = "" if p.is_determined else "not determined"
-        found.add_row(p.name, f"{factor * p.value:.6g}", unit, interval, mark)
+        remark = () if p.is_determined else ("not determined",)
+        found.add_row(p.name, f"{factor * p.value:.6g}", unit, interval, *remark)
     return used, found
 
 

@@ -1,4 +1,7 @@
-"""How far nodes reach into tools and other plies, and what that hides of the compaction."""
+"""How far nodes reach into tools and other plies, and what that hides of the compaction.
+
+Also strokes that a force was to end and did not.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,12 @@ import numpy as np
 
 from lcmchain.effects.contact_depth import nominal_pressure
 from lcmchain.elements.family import Body
+from lcmchain.fields.saved import tables_of_tools
 from lcmchain.judgements.grades import GOOD, GRADES, Verdict, grade_of, share
 from lcmchain.quantities.readable import milliseconds_text, percent
 from lcmchain.scene import Scene
 from lcmchain.solver import guards
+from lcmchain.state import STOPPED_TIME
 from lcmchain.thresholds import (
     BAD,
     LARGEST_HIDDEN_FORCE,
@@ -26,6 +31,7 @@ from lcmchain.tools.table import yields
 if TYPE_CHECKING:
     from lcmchain.model import Model
     from lcmchain.solver.simulation import Snapshot
+    from lcmchain.state import State
 
 
 def penetration_warnings(summary: Mapping[str, Any], thickness: float) -> list[str]:
@@ -206,3 +212,22 @@ def hidden_compaction_verdict(summary: Mapping[str, Any]) -> Iterator[Verdict]:
     )
     remedy = "contact.depth, contact.penalty" if grade != GOOD else ""
     yield Verdict("Pressure between tools", grade, text, remedy)
+
+
+# --- strokes that a force was to end --------------------------------------------------------------
+
+
+def stop_warnings(model: Model, state: State) -> Iterator[str]:
+    """Say which strokes went their whole way without the force that was to end them."""
+    for number, tools in enumerate(tables_of_tools(model)):
+        for tool in np.flatnonzero(np.isfinite(tools.until_force)).tolist():
+            over = state.time >= tools.stroke_end[tool] * (1.0 - 1e-12)
+            if over and np.isinf(state.tool_stopped[tool, number, STOPPED_TIME]):
+                name = model.tool_names[tool]
+                stage = f"stages.{model.stages[number].name}.motions.{name}" if model.stages else ""
+                yield (
+                    f"{name} went its whole stroke of {1e3 * abs(tools.stroke_distance[tool]):.4g} "
+                    f"mm, and the sheet never pressed against it with "
+                    f"{tools.until_force[tool]:.4g} N; give a longer distance or a smaller "
+                    f"until_force in {stage or f'tools.{name}.motion'}"
+                )

@@ -19,7 +19,6 @@ from lcmchain.fields.sheet import (
     sheet_positions,
 )
 from lcmchain.fields.stack import PLY
-from lcmchain.fields.table import NO_THICKNESS
 from lcmchain.fields.wrinkles import COMPRESSION, EXPECTED, LOCKING, RISK, WAVES, elements_per_wave
 from lcmchain.judgements.crossings import crossing_warnings
 from lcmchain.judgements.grades import (
@@ -34,6 +33,7 @@ from lcmchain.judgements.grades import (
 from lcmchain.materials.features.pressure_table import PressureTable
 from lcmchain.materials.features.shear_compaction import coupling_of
 from lcmchain.materials.law import Material
+from lcmchain.quantities.fields import NO_THICKNESS
 from lcmchain.quantities.readable import millimetres, percent, two_digits_up
 from lcmchain.scene import Scene
 from lcmchain.thresholds import BAD, LARGEST_FIBRE_STRAIN, LEAST_ELEMENTS_PER_WAVE, LOCAL_AREA

@@ -471,6 +471,27 @@ def still_moving_warning(summary: Mapping[str, Any], slowing: str = "process.tim
     ]
 
 
+def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
+    """Say which stages ended before the sheet was at rest, and how still it was."""
+    warnings = []
+    for stage in summary.get("stages", ()):
+        rest = stage.get("rest")
+        if rest is None or rest["reached_s"] is not None or not rest["ended"]:
+            continue
+        part = rest["energy_part"]
+        how = "its motions took all of the time"
+        if part is not None:
+            how = (
+                f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
+                f"wanted is {rest['wanted']:g}"
+            )
+        warnings.append(
+            f"the sheet did not come to rest in the stage {stage['name']}: {how}; use a longer "
+            f"stages.{stage['name']}.time"
+        )
+    return warnings
+
+
 def rest_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     """Judge whether the sheet is at rest in the last frame of a run that came to its end."""
     # a stopped run has not come to its end

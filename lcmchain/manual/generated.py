@@ -17,11 +17,11 @@ from lcmchain.atomic import replacing
 from lcmchain.effects.effect import Switch
 from lcmchain.effects.switches import EFFECTS, key_of
 from lcmchain.fields.saved import HISTORY_FIELDS
-from lcmchain.fields.table import FIELDS, Field
 from lcmchain.manual.command_reference import Group, command_page
 from lcmchain.manual.contents import FOLDER
 from lcmchain.manual.scene_reference import scene_page
 from lcmchain.manual.tables import code, markdown_table
+from lcmchain.quantities.fields import FIELDS, Field
 from lcmchain.scene.presets import PUBLISHED, PublishedFabric
 
 

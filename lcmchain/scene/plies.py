@@ -33,33 +33,10 @@ from lcmchain.quantities.entry_types import (
     Switch,
     wrong,
 )
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE
 
 #: Groups, meshes and variables of result files that are not those of one ply.
-RESERVED_NAMES = (
-    "sheet", "solid", "history", "time", "body", "stack", "thickness", "fibre_volume_fraction",
-    "areal_fibre_mass", "shear_angle", "shear_angle_23", "shear_angle_31", "fibre_strain_1",
-    "fibre_strain_2", "fibre_strain_3", "strain_across", "compaction_pressure",
-    "bending_pressure", "pore_pressure", "tool_pressure_top", "tool_pressure_bottom",
-    "tool_pressure", "wrinkle_height", "wrinkle_risk", "wrinkle_risk_compression",
-    "wrinkle_risk_locking", "wrinkle_risk_waves", "springback", "stack_thickness",
-    "stack_areal_fibre_mass", "stack_fibre_volume_fraction", "stack_ply_count",
-    *(
-        f"{field}_{side}"
-        for field in ("ply_pressure", "ply_gap", "slip_path", "ply_contact", "faced_ply")
-        for side in ("top", "bottom")
-    ),
-    *(f"permeability_{number}" for number in (1, 2, 3)),
-    *(
-        f"{vector}_{axis}"
-        for vector in (
-            "fibre_direction_1", "fibre_direction_2", "fibre_direction_3",
-            "permeability_direction_1", "permeability_direction_2", "permeability_direction_3",
-            "displacement", "reference_position", "ply_shear_stress_top",
-            "ply_shear_stress_bottom", "slip_top", "slip_bottom",
-        )
-        for axis in "xyz"
-    ),
-)  # fmt: skip
+RESERVED_NAMES = ("sheet", "solid", "history", "time", "body", "stack", *FIELD_OF_VARIABLE)
 #: Most plies of a stack, far above any use.
 MOST_PLIES = 200
 

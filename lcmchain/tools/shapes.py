@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -379,3 +379,9 @@ Shape = Annotated[
     | SurfaceMesh,
     Field(discriminator="type"),
 ]
+
+
+def shape_names() -> list[str]:
+    """Return the ``type`` of every shape, in the order of ``Shape``."""
+    shapes = get_args(get_args(Shape)[0])
+    return [get_args(shape.model_fields["type"].annotation)[0] for shape in shapes]

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lcmchain.errors import InputError, first_few
-from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.fields import MappedFields
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, PERMEABILITY_AXES
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.mapping.target.variables import cell_variables
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE
 
 if TYPE_CHECKING:
     import xarray as xr

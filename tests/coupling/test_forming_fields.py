@@ -5,9 +5,10 @@ import pytest
 
 from lcmchain.coupling.forming_fields import permeability_fields
 from lcmchain.coupling.permeability import aligned_permeabilities
-from lcmchain.fields import FIELDS, FrameSeries, add_face_variables, build_datasets
+from lcmchain.fields import FrameSeries, add_face_variables, build_datasets
 from lcmchain.fields.sheet import vector
 from lcmchain.mesh.blank import build_blank
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.scene import scene_from_text
 
 SCENE = """

@@ -7,8 +7,9 @@ import pytest
 
 from lcmchain.check.tool_strokes import closing_tools
 from lcmchain.errors import InputError
-from lcmchain.fields.loads import stop_warnings, tool_stops
+from lcmchain.fields.loads import tool_stops
 from lcmchain.fields.saved import Histories
+from lcmchain.judgements.contact import stop_warnings
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.state import STOPPED_TIME

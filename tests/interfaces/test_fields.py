@@ -20,7 +20,6 @@ from lcmchain.fields.saved import FrameSeries
 from lcmchain.fields.sheet import node_areas, vector
 from lcmchain.fields.stack import ply_sheet
 from lcmchain.fields.summary import stack_summary
-from lcmchain.fields.table import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
 from lcmchain.fields.vtu import write_vtu
 from lcmchain.interfaces.forces import LAST_STEPS, forces_of_points
 from lcmchain.interfaces.in_frames import APART, FRAME_ROWS, GAP, SLID_PATH, SLIDES, STICKS
@@ -28,6 +27,7 @@ from lcmchain.interfaces.refresh import refresh
 from lcmchain.interfaces.rows import HELD, PATH, SLIP
 from lcmchain.interfaces.surfaces import PlyContact
 from lcmchain.interfaces.table import Interface
+from lcmchain.quantities.fields import BETWEEN_PLIES, FIELD_OF_VARIABLE, FIELDS
 from lcmchain.report.numbers import key_numbers, ply_numbers
 from lcmchain.report.stack_pictures import draw_plies
 from lcmchain.report.style import CAPTIONS

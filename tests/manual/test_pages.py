@@ -11,12 +11,12 @@ import typer
 
 import lcmchain.coupling.iteration.hard_cases  # noqa: F401  puts its cases on the list
 from lcmchain.cli import app
-from lcmchain.fields.table import FIELDS
 from lcmchain.manual.contents import FOLDER, TOPICS, read_pages
 from lcmchain.manual.generated import generated_pages
 from lcmchain.manual.markdown import mathml, plain_text, render
 from lcmchain.manual.scene_reference import _models_of, meaning_of
 from lcmchain.manual.site import build_site
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.scene import Scene
 from lcmchain.verification.hard_cases import CASES
 from lcmchain.verification.hard_cases.report import COLUMNS

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from lcmchain.errors import InputError
-from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.interfaces.table import Interface
 from lcmchain.model import build_model
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE
 from lcmchain.scene import on_rung, scene_json_schema
 from lcmchain.scene.plies import RESERVED_NAMES
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lcmchain.coupling.forming_fields import forming_datasets
-from lcmchain.fields.stages import rest_warnings, springback, stage_summary
+from lcmchain.fields.stages import springback, stage_summary
 from lcmchain.fmu.forming.part import with_present
+from lcmchain.judgements.quasi_static import rest_warnings
 from lcmchain.pipeline import run
 from lcmchain.report.chapters import stage_chapters
 from lcmchain.scene import scene_from_text

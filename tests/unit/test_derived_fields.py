@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lcmchain.fields.derived import derive_fields, face_area_vectors
-from lcmchain.fields.table import FIELD_OF_VARIABLE
 from lcmchain.mesh.blank import BlankMesh
+from lcmchain.quantities.fields import FIELD_OF_VARIABLE
 from lcmchain.scene import scene_from_text
 
 THICKNESS = 1.004e-3

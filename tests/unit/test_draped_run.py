@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -248,6 +249,16 @@ def test_check_previews_any_model_with_the_net():
     assert rows["largest shear angle"].startswith(f"{worst:.1f} deg at (")
     assert rows["beyond 60 deg"] == "nothing"
     assert dict(check_scene(scene()).preview)["surface"] == rows["surface"]
+
+
+def test_check_says_in_seconds_how_long_the_net_took(monkeypatch):
+    """Compiling for the first time takes some of them."""
+
+    def slowly(*arguments, **options):
+        return replace(drape(*arguments, **options), wall_s=22.42)
+
+    monkeypatch.setattr("lcmchain.check.report.drape", slowly)
+    assert dict(check_scene(scene()).preview)["laid in"] == "22.4 s"
 
 
 @pytest.mark.parametrize("back", [10.0, 0.0, -5.0])

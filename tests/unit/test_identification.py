@@ -19,7 +19,7 @@ from lcmchain.identification.cantilever_tests import COLUMNS as BENDING_COLUMNS
 from lcmchain.identification.cantilever_tests import fit_deflection_curve
 from lcmchain.identification.compaction import identify_compaction
 from lcmchain.identification.data import CouponData, read_coupon
-from lcmchain.identification.files import draw_fit, scene_snippet, write_identification
+from lcmchain.identification.files import draw_fit, scene_snippet, tables, write_identification
 from lcmchain.identification.from_file import identify_compaction_file
 from lcmchain.identification.regression import exponential, fit_linear
 from lcmchain.identification.result import Band, Panel, Points
@@ -299,6 +299,15 @@ def test_narrow_compaction_range_leaves_the_growth_open():
     assert not result["c1"].is_determined
     assert result["c0"].is_determined
     assert any("do not determine c1" in warning for warning in result.warnings)
+    remarks = tables(result)[1].columns[-1]
+    assert remarks.header == "remark" and "not determined" in remarks.cells
+
+
+def test_parameters_that_are_all_determined_have_no_remarks():
+    thickness = np.linspace(0.99e-3, 0.7e-3, 40)
+    result = compaction_result(compaction_curve(MD600, thickness, noise=NOISE), thickness)
+    assert all(column.header for column in tables(result)[1].columns)
+    assert tables(result)[1].columns[-1].header == "95 % interval"
 
 
 def test_thickness_above_the_initial_one_is_left_out_and_told():

@@ -20,6 +20,7 @@ from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
 from lcmchain.scene.cases.moulds import close_moulds
 from lcmchain.scene.cases.sheet import round_edge_length
+from lcmchain.tools.shapes import shape_names
 from lcmchain.tools.surfaces.reading import read_surface
 
 THICKNESS = 1.004  # of MD600 [mm]
@@ -120,6 +121,14 @@ def test_a_comment_stands_above_every_entry_when_it_first_occurs(moulds, name):
             explained.add(key)
         assert key in explained or key in ("law", "gravity", "direction", "type"), line
     assert max(map(len, lines)) <= 120
+
+
+@pytest.mark.parametrize("name", ["punch", "drape"])
+def test_comments_name_every_shape_of_a_tool(moulds, name):
+    text = new(name).read_text("utf-8")
+    assert len(shape_names()) > 5
+    assert [shape for shape in shape_names() if f"{shape}," not in text] == ["surface_mesh"]
+    assert '# shape = { type = "surface_mesh"' in text
 
 
 @pytest.mark.parametrize("name", ["punch", "coupon"])

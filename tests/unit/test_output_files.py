@@ -25,10 +25,10 @@ from lcmchain.fields import (
     write_vtu,
 )
 from lcmchain.fields.netcdf_file import write_netcdf
-from lcmchain.fields.table import BETWEEN_PLIES
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, saved_times
 from lcmchain.judgements.fields import field_warnings
 from lcmchain.mesh.blank import build_blank
+from lcmchain.quantities.fields import BETWEEN_PLIES
 from lcmchain.scene import scene_from_text
 
 # An outline with a slanted side, which leaves halved cells (triangles), and a title beyond ASCII.

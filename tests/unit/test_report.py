@@ -18,9 +18,9 @@ from PIL import Image
 
 from lcmchain.errors import InputError, OutputError, SimulationError
 from lcmchain.fields import sheet_positions
-from lcmchain.fields.table import FIELDS
 from lcmchain.pipeline import run
 from lcmchain.provenance import LIBRARIES, provenance
+from lcmchain.quantities.fields import FIELDS
 from lcmchain.report import write_report
 from lcmchain.report.html import _SHOWN, BUDGET, MOST_FRAMES, chosen_frames, view_data
 from lcmchain.report.numbers import grouped_warnings

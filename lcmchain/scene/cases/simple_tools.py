@@ -28,7 +28,16 @@ from lcmchain.scene.cases.sheet import (
     wrapped_comment,
 )
 from lcmchain.scene.presets import Basis, PublishedFabric
+from lcmchain.tools.shapes import shape_names
 from lcmchain.tools.surfaces.reading import read_surface
+
+
+def _listed_shapes(head: str) -> str:
+    """Return a comment that names the shapes that tools may have."""
+    names = [name for name in shape_names() if name != "surface_mesh"]
+    others = "surface_mesh for an STL file or any mesh that meshio reads"
+    return wrapped_comment(f"{head}: {', '.join(names)}, and {others}:")
+
 
 # --- punch: a spherical punch presses a blank through a round hole, with or without holder --------
 
@@ -84,6 +93,7 @@ def punch_scene(sheet: Sheet, punch: Punch, file: str) -> str:
         "punch_radius": mm(punch.radius),
         "top": mm(sheet.thickness),
         "stroke": mm(stroke),
+        "shapes": _listed_shapes("Shapes of tools"),
         "hole_radius": mm(hole),
         "fillet_radius": mm(fillet),
         "holder_mass": f"{punch.holder_mass or two_digits(HOLDER_MASS_PER_AREA * area):g} kg",
@@ -184,6 +194,7 @@ def drape_scene(sheet: Sheet, form: Form, scene_file: Path) -> str:
         "position": position,
         "position_reason": reason,
         "axis": axis,
+        "shapes": _listed_shapes("All shapes"),
     }
     return text + filled("drape", values) + filled("more", {})
 

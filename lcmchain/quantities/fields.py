@@ -1,10 +1,20 @@
-"""The fields of a forming result, declared as data: name, unit, place and meaning."""
+"""The fields of a forming result, declared as data: name, unit, place and meaning.
+
+All that depends on the kind of a field alone follows from its entry here: the variables of the
+files, the names that no ply may have, how it is mapped, and its extrema in ``summary.json``.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 FACE, NODE = "face", "node"
+
+#: How the mapping carries a field to other meshes.
+MEAN, TOTAL, ANGLE_ABOUT_NORMAL = "mean", "total", "angle about the normal"
+
+#: Extrema of a field in ``summary.json``; the size is the largest magnitude.
+LEAST, MOST, SIZE = "min", "max", "size"
 
 
 @dataclass(frozen=True)
@@ -19,6 +29,9 @@ class Field:
     location : ``"face"`` (one value per element) or ``"node"``.
     meaning : definition, for readers of the file.
     is_vector : whether the field has three components.
+    mapped : ``MEAN``, ``TOTAL`` (an amount per area, whose total is kept) or
+        ``ANGLE_ABOUT_NORMAL`` (changes its sign, seen from the other side).
+    extrema : those in ``summary.json``, of ``LEAST``, ``MOST`` and ``SIZE``.
     """
 
     name: str
@@ -27,11 +40,18 @@ class Field:
     location: str
     meaning: str
     is_vector: bool = False
+    mapped: str = MEAN
+    extrema: tuple[str, ...] = ()
 
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables that hold the field."""
         return tuple(f"{self.name}_{axis}" for axis in "xyz") if self.is_vector else (self.name,)
+
+    def extremum(self, kind: str) -> str:
+        """Name of an extremum in ``summary.json``, as ``thickness_min_m``."""
+        unit = "" if self.units == "1" else f"_{self.units.replace(' ', '_')}"
+        return f"{self.name}_{MOST if kind == SIZE else kind}{unit}"
 
     def attributes(self, variable: str) -> dict[str, str]:
         """Unit, name and definition of one of :attr:`variables`."""
@@ -115,6 +135,7 @@ _FIELDS = (
         FACE,
         "distance of the top from the bottom face along the normal of the mid-surface, at the "
         "element centre",
+        extrema=(LEAST, MOST),
     ),
     Field(
         "fibre_volume_fraction",
@@ -123,6 +144,7 @@ _FIELDS = (
         FACE,
         "volume of the fibres per volume of the textile: the initial fraction, areal mass / "
         "(fibre density * thickness), divided by the determinant of the deformation gradient",
+        extrema=(MOST,),
     ),
     Field(
         "areal_fibre_mass",
@@ -131,6 +153,7 @@ _FIELDS = (
         FACE,
         "fibre mass per current area of the mid-surface; the area of a face is half the length of "
         "the cross product of its diagonals, and the sum of the products is the fibre mass",
+        mapped=TOTAL,
     ),
     Field(
         "shear_angle",
@@ -141,6 +164,8 @@ _FIELDS = (
         "positive where the angle between the fibres has become smaller. Of families that were at "
         "another angle, that angle takes the place of the right one; of a single family it is the "
         "angle to the material line that was across the fibres",
+        mapped=ANGLE_ABOUT_NORMAL,
+        extrema=(SIZE,),
     ),
     *(
         Field(
@@ -149,6 +174,7 @@ _FIELDS = (
             f"shear angle of the fibres {first} and {second}",
             FACE,
             f"of a fabric with three families, as shear_angle from fibre {first} to fibre {second}",
+            mapped=ANGLE_ABOUT_NORMAL,
         )
         for first, second in ((2, 3), (3, 1))
     ),
@@ -365,6 +391,7 @@ _FIELDS = (
         "positive towards the upper face; waves up to output.wrinkle_length are smoothed away. At "
         "most the clear distance to the tool below a crest or above a trough: a sheet that lies on "
         "a tool has the tool's shape",
+        extrema=(SIZE,),
     ),
     Field(
         "springback",
