@@ -52,7 +52,7 @@ class FormedPart:
 
     Parameters
     ----------
-    target : triangles and quadrilaterals, with sets, parts and numbers.
+    target : triangles and quadrilaterals, with sets, parts and numbers; every node is a corner.
     dataset : UGRID dataset of one state on this mesh; results contain its fields.
     file : that it was read from, for messages.
     warnings : for the user.
@@ -370,7 +370,7 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
             "and give [[regions]] where the formed values do not hold",
             key="preform",
         )
-    target = read_target(path, kind="infiltration", length_unit=length_unit)
+    target = read_target(path, kind="infiltration", length_unit=length_unit).by_corners()
     if preform.sets_hold == "cells":
         nodes = {n: rows for n, rows in target.node_sets.items() if n not in target.cell_sets}
         notes = tuple(note for note in target.notes if AMBIGUOUS_SETS not in note)
