@@ -355,10 +355,30 @@ def test_a_mesh_with_nodes_in_the_middle_of_edges_fills_as_by_its_corners(tmp_pa
     assert found["gate_left"].values.tolist() == by_corners["gate_left"].values.tolist()
 
 
+@pytest.mark.parametrize("axis", ["", ", axis = [0, 0, 1]"])
+def test_a_wall_that_the_axis_is_normal_to_needs_none_where_all_directions_are_alike(
+    tmp_path, axis
+):
+    """A floor, and a wall that stands on it at right angles to x, the axis of every default."""
+    points, quads = strip(6, 2)
+    points[:, 2] = np.maximum(points[:, 0] - 0.15, 0.0)
+    points[:, 0] = np.minimum(points[:, 0], 0.15)
+    bent = tmp_path / "bent.vtu"
+    meshio.write(bent, meshio.Mesh(points, [("quad", quads)]))
+    own = f'{{ k1 = "4e-10 m^2"{axis} }}'
+    case = infiltration_from_text(CASE.format(base=own, rear=own))
+    setup = set_up(unformed_part(bent, case.preform), case)
+    normals = np.stack([np.eye(3)[2 if x < 0.15 else 0] for x in points[quads].mean(axis=1)[:, 0]])
+    in_plane = np.eye(3) - np.einsum("ci,cj->cij", normals, normals)
+    assert setup.preform.permeability == pytest.approx(4e-10 * in_plane, rel=1e-12, abs=1e-22)
+
+
 def test_a_preform_is_refused_where_it_is_none(tmp_path, folder):
     mesh = tmp_path / "strip.bdf"
     mesh.write_text(strip_text(), encoding="ascii")
-    text = CASE.format(base='{ k1 = "4e-10 m^2", axis = [0, 0, 1] }', rear='{ k1 = "1e-10 m^2" }')
+    text = CASE.format(
+        base='{ k1 = "4e-10 m^2", ratio = 0.5, axis = [0, 0, 1] }', rear='{ k1 = "1e-10 m^2" }'
+    )
     case = infiltration_from_text(text)
     with pytest.raises(
         InputError, match=r"the axis \(0, 0, 1\) of the permeability stands on cell"
