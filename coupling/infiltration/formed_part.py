@@ -52,7 +52,7 @@ class FormedPart:
 
     Parameters
     ----------
-    target : triangles and quadrilaterals, with sets, parts and numbers.
+    target : triangles and quadrilaterals, with sets, parts and numbers; every node is a corner.
     dataset : UGRID dataset of one state on this mesh; results contain its fields.
     file : that it was read from, for messages.
     warnings : for the user.
@@ -370,7 +370,7 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
             "and give [[regions]] where the formed values do not hold",
             key="preform",
         )
-    target = read_target(path, kind="infiltration", length_unit=length_unit)
+    target = read_target(path, kind="infiltration", length_unit=length_unit).by_corners()
     if preform.sets_hold == "cells":
         nodes = {n: rows for n, rows in target.node_sets.items() if n not in target.cell_sets}
         notes = tuple(note for note in target.notes if AMBIGUOUS_SETS not in note)
@@ -459,9 +459,9 @@ def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndar
 
     Raises
     ------
-    InputError : the axis is normal to one of the cells.
+    InputError : the axis is normal to one of the cells, and there is a ratio.
     """
-    first, second = axes_in_plane(part.target, cells, np.array(own.axis), part)
+    first, second = axes_in_plane(part, cells, own)
     values = np.array([own.k1, own.ratio * own.k1])
     if own.ratio > 1.0:
         first, second, values = second, -first, values[::-1]
@@ -485,24 +485,33 @@ def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndar
 
 
 def axes_in_plane(
-    target: TargetMesh, cells: np.ndarray, axis: np.ndarray, part: FormedPart
+    part: FormedPart, cells: np.ndarray, own: OwnPermeability
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a direction projected into the planes of cells, and the one across it, (n, 3) each.
+    """Return the axis of a permeability in the planes of cells, and the one across it, (n, 3) each.
+
+    Without a ratio every direction is as good: a cell that the axis is normal to takes another one.
 
     Raises
     ------
-    InputError : it is normal to a cell.
+    InputError : the axis is normal to a cell, and its direction counts.
     """
-    normals = target.surface.normals[cells]
+    normals = part.target.surface.normals[cells]
+    axis = np.array(own.axis)
     projected = axis - (normals @ axis)[:, None] * normals
     length = np.linalg.norm(projected, axis=1)
-    if not np.all(length > _LEAST_IN_PLANE):
-        cell = int(cells[np.argmin(length)])
+    normal_to = ~(length > _LEAST_IN_PLANE)
+    if normal_to.any() and own.ratio != 1.0:
+        cell = int(cells[np.argmax(normal_to)])
         raise InputError(
             f"the axis ({', '.join(f'{x:g}' for x in axis)}) of the permeability stands on "
             f"{part.place(cell)}; give one that has a direction in its plane, or regions",
             key="permeability.axis",
         )
+    if normal_to.any():
+        n = normals[normal_to]
+        other = np.eye(3)[np.argmin(np.abs(n), axis=1)]
+        projected[normal_to] = other - np.einsum("ci,ci->c", other, n)[:, None] * n
+        length = np.linalg.norm(projected, axis=1)
     projected /= length[:, None]
     return projected, np.cross(normals, projected)
 

@@ -292,7 +292,7 @@ def _flow_medium(
         cells = places.cells_of(entry.over, "flow_medium.over")
     permeability = entry.permeability
     try:
-        first, second = axes_in_plane(part.target, cells, np.array(permeability.axis), part)
+        first, second = axes_in_plane(part, cells, permeability)
     except InputError as error:
         raise InputError(error.message, key="flow_medium.permeability.axis") from None
     k1, k2 = permeability.k1, permeability.ratio * permeability.k1

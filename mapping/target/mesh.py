@@ -99,6 +99,25 @@ class TargetMesh:
         """Return this mesh with further notes."""
         return replace(self, notes=(*self.notes, *notes))
 
+    def by_corners(self) -> TargetMesh:
+        """Return this mesh with its cells by their corners, and no other nodes.
+
+        Mid-side nodes and nodes of no cell are left out, in sets too; numbers of the file stay.
+        """
+        used = np.unique(self.corners[self.corners >= 0])
+        row = np.full(len(self.points), -1, dtype=np.int64)
+        row[used] = np.arange(len(used))
+        return replace(
+            self,
+            points=self.points[used],
+            blocks=tuple(
+                (base_type(name), row[cells[:, : corner_count(name)]])
+                for name, cells in self.blocks
+            ),
+            node_ids=self.node_ids[used],
+            node_sets={name: row[rows][row[rows] >= 0] for name, rows in self.node_sets.items()},
+        )
+
     @property
     def cell_count(self) -> int:
         return sum(len(cells) for _, cells in self.blocks)

@@ -2,6 +2,7 @@
 
 from decimal import Decimal
 
+import meshio
 import numpy as np
 import pytest
 import xarray as xr
@@ -14,6 +15,8 @@ from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, fill, map_and_fill
 from lcmchain.errors import InputError
 from lcmchain.scene.reading.single_tables import infiltration_from_text
+
+from .conftest import strip
 
 # As RTMsim's own example: a comment behind every line, the mesh in a folder beside.
 INPUT = """\
@@ -327,10 +330,55 @@ def test_the_rim_vents_but_where_a_gate_lies_on_it(tmp_path):
         set_up(unformed_part(mesh, both.preform), both)
 
 
+def test_a_mesh_with_nodes_in_the_middle_of_edges_fills_as_by_its_corners(tmp_path):
+    """Quadratic shells, a node of no cell before them, and a set that holds its middle nodes."""
+    points, quads = strip(6, 2)
+    edges = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, middle = np.unique(edges, axis=0, return_inverse=True)
+    everything = np.vstack([points, points[edges].mean(axis=1)])
+    shells = np.hstack([quads, len(points) + middle.reshape(-1, 4)])
+    left = np.flatnonzero(everything[:, 0] == 0.0)
+    rows = ["*NODE", "7, 1., 1., 1."]
+    rows += [f"{n + 10}, " + ", ".join(f"{x:.17g}" for x in p) for n, p in enumerate(everything)]
+    rows += ["*ELEMENT, TYPE=S8R, ELSET=ALL"]
+    rows += [f"{c + 1}, " + ", ".join(str(n + 10) for n in s) for c, s in enumerate(shells)]
+    rows += ["*NSET, NSET=LEFT", ", ".join(str(n + 10) for n in left), ""]
+    deck, plain = tmp_path / "strip.inp", tmp_path / "strip.vtu"
+    deck.write_text("\n".join(rows), encoding="ascii")
+    meshio.write(plain, meshio.Mesh(points, [("quad", quads)]))
+    text = CASE.format(base='{ k1 = "4e-10 m^2" }', rear='{ k1 = "1e-10 m^2" }')
+    place = 'box = ["0 0 -1 m", "0 1 1 m"]'
+    by_corners = filled(plain, text, tmp_path)[None]
+    found = filled(deck, text.replace(place, 'set = "LEFT"'), tmp_path)[None]
+    assert place in text and len(left) == 5
+    assert found["fill_time"].values.tolist() == by_corners["fill_time"].values.tolist()
+    assert found["gate_left"].values.tolist() == by_corners["gate_left"].values.tolist()
+
+
+@pytest.mark.parametrize("axis", ["", ", axis = [0, 0, 1]"])
+def test_a_wall_that_the_axis_is_normal_to_needs_none_where_all_directions_are_alike(
+    tmp_path, axis
+):
+    """A floor, and a wall that stands on it at right angles to x, the axis of every default."""
+    points, quads = strip(6, 2)
+    points[:, 2] = np.maximum(points[:, 0] - 0.15, 0.0)
+    points[:, 0] = np.minimum(points[:, 0], 0.15)
+    bent = tmp_path / "bent.vtu"
+    meshio.write(bent, meshio.Mesh(points, [("quad", quads)]))
+    own = f'{{ k1 = "4e-10 m^2"{axis} }}'
+    case = infiltration_from_text(CASE.format(base=own, rear=own))
+    setup = set_up(unformed_part(bent, case.preform), case)
+    normals = np.stack([np.eye(3)[2 if x < 0.15 else 0] for x in points[quads].mean(axis=1)[:, 0]])
+    in_plane = np.eye(3) - np.einsum("ci,cj->cij", normals, normals)
+    assert setup.preform.permeability == pytest.approx(4e-10 * in_plane, rel=1e-12, abs=1e-22)
+
+
 def test_a_preform_is_refused_where_it_is_none(tmp_path, folder):
     mesh = tmp_path / "strip.bdf"
     mesh.write_text(strip_text(), encoding="ascii")
-    text = CASE.format(base='{ k1 = "4e-10 m^2", axis = [0, 0, 1] }', rear='{ k1 = "1e-10 m^2" }')
+    text = CASE.format(
+        base='{ k1 = "4e-10 m^2", ratio = 0.5, axis = [0, 0, 1] }', rear='{ k1 = "1e-10 m^2" }'
+    )
     case = infiltration_from_text(text)
     with pytest.raises(
         InputError, match=r"the axis \(0, 0, 1\) of the permeability stands on cell"
