@@ -4,14 +4,30 @@ pythonfmu3 runs it in the Python of the importing process, whose environment mus
 """
 
 import importlib
+from typing import Any
 
+Fmi3Slave: Any
+unit: type
 try:
-    environment = importlib.import_module("lcmchain_unit_environment")  # beside this file
-except ModuleNotFoundError:  # not in a unit
-    environment = importlib.import_module("lcmchain.fmu.entry_environment")
-environment.prepare(__file__)
+    try:
+        environment = importlib.import_module("lcmchain_unit_environment")  # beside this file
+    except ModuleNotFoundError:  # not in a unit
+        environment = importlib.import_module("lcmchain.fmu.entry_environment")
+    environment.prepare(__file__)
+    adapter = importlib.import_module("lcmchain.fmu.fmi3")
+    Fmi3Slave, unit = adapter.Fmi3Slave, adapter.UnitSlave3
+except Exception as error:
+    # After an exception of this file pythonfmu3 keeps Python's lock, and the host hangs; after one
+    # of the class it tells the master, and there is no instance.
+    reason = f"{type(error).__name__}: {error}"
 
-from lcmchain.fmu.fmi3 import Fmi3Slave, UnitSlave3  # noqa: E402
+    class Unable:
+        """Says why the unit cannot run."""
+
+        def __init__(self, **kwargs: object) -> None:
+            raise RuntimeError(reason)
+
+    Fmi3Slave, unit = object, Unable
 
 
 class LcmchainUnit(Fmi3Slave):
@@ -20,4 +36,4 @@ class LcmchainUnit(Fmi3Slave):
 
 # Not a class derived from it: pythonfmu3 may look up a method while an exception is pending, which
 # only succeeds in the dictionary of the very first class.
-globals()["LcmchainUnit"] = UnitSlave3
+globals()["LcmchainUnit"] = unit

@@ -29,7 +29,7 @@ class UnitSlave2(Fmi2Slave):
         super().__init__(**kwargs)
         watch()
         self.unit = open_unit(
-            kwargs["resources"], self.instance_name, report_to(self.log_queue), arrays=False
+            kwargs["resources"], self.instance_name, formatted(self.log_queue), arrays=False
         )
         self.guid = self.unit.definition.guid
 
@@ -128,6 +128,16 @@ class Logged(NamedTuple):
 def report_to(queue: list[Logged]) -> Report:
     """Return what puts messages where the exporter takes them from."""
     return lambda status, category, text: queue.append(Logged(int(status), category, text))
+
+
+def formatted(queue: list[Logged]) -> Report:
+    """Return what puts messages where a logger of FMI 2.0 takes them from.
+
+    Such a logger formats as ``printf`` does: a single % of "3 % slower" is to it the begin of a
+    value, which it reads from memory that holds none.
+    """
+    report = report_to(queue)
+    return lambda status, category, text: report(status, category, text.replace("%", "%%"))
 
 
 def set_texts(unit: Unit, vrs: list[int], values: list[str]) -> None:

@@ -1,4 +1,5 @@
 /* The guard of FMI 2.0; see guard.h. */
+#define FMI "fmi2"
 #include "guard.h"
 
 typedef void (*logger)(void *environment, const char *name, int status, const char *category,
@@ -18,6 +19,7 @@ struct record {
     double point; /* where the last step ended or, if it was not done, where it was to begin */
     struct callbacks callbacks; /* what the exporter calls: it keeps no copy of them */
 };
+_Static_assert(sizeof(struct record) <= PAGE, "a record has one page");
 
 static void heard(void *environment, const char *name, int status, const char *category,
                   const char *text, ...)
@@ -45,13 +47,17 @@ EXPORTED void *fmi2Instantiate(const char *name, int type, const char *token,
 {
     logger log = callbacks ? callbacks->log : 0;
     void *environment = callbacks ? callbacks->environment : 0;
-    if (!name || !resources || type != 1) {
-        if (log) log(environment, name ? name : "", ERROR, CATEGORY_ERROR,
-                     type == 1 ? "the name or the resources are missing" : NO_CO_SIMULATION);
+    struct record *record = take_page();
+    char *folder = take_page();
+    const char *obstacle = !record || !folder ? NO_MEMORY
+                         : type != 1 ? NO_CO_SIMULATION
+                         : obstacle_to(folder, name, token, resources, "%%");
+    if (obstacle) {
+        if (log) log(environment, "unit", ERROR, CATEGORY_ERROR, obstacle);
+        give_page(record);
+        give_page(folder);
         return 0;
     }
-    struct record *record = take_page();
-    if (!record) return 0;
     record->common.environment = environment;
     record->common.logging = logging;
     record->log = log;
@@ -62,8 +68,9 @@ EXPORTED void *fmi2Instantiate(const char *name, int type, const char *token,
         record->callbacks.release = callbacks->release;
         record->callbacks.step_finished = callbacks->step_finished;
     }
-    record->common.instance = original_fmi2Instantiate(name, type, token, resources,
+    record->common.instance = original_fmi2Instantiate(name, type, token, folder,
                                                        &record->callbacks, visible, 1);
+    give_page(folder);
     if (record->common.instance) return record;
     give_page(record);
     return 0;

@@ -1,4 +1,5 @@
 /* The guard of FMI 3.0; see guard.h. */
+#define FMI "fmi3"
 #include "guard.h"
 
 typedef void (*logger)(void *environment, int status, const char *category, const char *text);
@@ -7,6 +8,7 @@ struct record {
     struct common common;
     logger log; /* the master's, or none */
 };
+_Static_assert(sizeof(struct record) <= PAGE, "a record has one page");
 
 static void heard(void *environment, int status, const char *category, const char *text)
 {
@@ -34,17 +36,22 @@ fmi3InstantiateCoSimulation(const char *name, const char *token, const char *res
                             const reference *needed, size count, void *environment, logger log,
                             void *update)
 {
-    if (!name || !resources) {
-        if (log) log(environment, ERROR, CATEGORY_ERROR, "the name or the resources are missing");
+    struct record *record = take_page();
+    char *folder = take_page();
+    const char *obstacle = !record || !folder ? NO_MEMORY
+                         : obstacle_to(folder, name, token, resources, "%");
+    if (obstacle) {
+        if (log) log(environment, ERROR, CATEGORY_ERROR, obstacle);
+        give_page(record);
+        give_page(folder);
         return 0;
     }
-    struct record *record = take_page();
-    if (!record) return 0;
     record->common.environment = environment;
     record->common.logging = logging;
     record->log = log;
     record->common.instance = original_fmi3InstantiateCoSimulation(
-        name, token, resources, visible, 1, events, early, needed, count, record, heard, update);
+        name, token, folder, visible, 1, events, early, needed, count, record, heard, update);
+    give_page(folder);
     if (record->common.instance) return record;
     give_page(record);
     return 0;

@@ -45,8 +45,9 @@ static unsigned bit_of(const char *category)
     return 0;
 }
 
-/* One page of memory from the system, and back. */
+/* One page of memory from the system, and back; whether a file can be read. */
 enum { PAGE = 4096, MMAP = 9, MUNMAP = 11, READ_WRITE = 3, PRIVATE_ANONYMOUS = 0x22 };
+enum { ACCESS = 21, READABLE = 4 };
 
 static void *take_page(void)
 {
@@ -63,6 +64,7 @@ static void *take_page(void)
 
 static void give_page(void *page)
 {
+    if (!page) return;
     long answer;
     __asm__ volatile("syscall" : "=a"(answer)
                      : "a"((long)MUNMAP), "D"(page), "S"((long)PAGE)
@@ -70,7 +72,124 @@ static void give_page(void *page)
     (void)answer;
 }
 
+static int can_be_read(const char *path)
+{
+    long answer;
+    __asm__ volatile("syscall" : "=a"(answer)
+                     : "a"((long)ACCESS), "D"(path), "S"((long)READABLE)
+                     : "rcx", "r11", "memory");
+    return answer == 0;
+}
+
+/* --- where the resources are, and what the unit is called ---------------------------------------
+   The exporters take a location letter by letter, behind `file:///` at most, and a text that is no
+   UTF-8 for a text: a host ends where they find nothing, as in a folder with a blank in its name,
+   which a URI writes as %20. */
+
+/* What the exporter reads first, in the resources of every unit: the name of a module, and that
+   module (build.py). */
+#define FIRST_FILE "/slavemodule.txt"
+#define MODULE "/lcmchain_unit_" FMI ".py"
+
+/* Append a text to one of so many characters, as far as there is room in a page. */
+static size appended(char *page, size count, const char *text)
+{
+    while (*text && count < PAGE - 1) page[count++] = *text++;
+    page[count] = 0;
+    return count;
+}
+
+static const char *behind(const char *text, const char *begin)
+{
+    for (; *begin; text++, begin++)
+        if (*text != *begin && (*text | 0x20) != *begin) return 0;
+    return text;
+}
+
+static int digit(char c)
+{
+    if (c >= '0' && c <= '9') return c - '0';
+    c |= 0x20;
+    return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+}
+
+static int lies_in(char *folder, size count, const char *file)
+{
+    appended(folder, count, file);
+    int found = can_be_read(folder);
+    folder[count] = 0;
+    return found;
+}
+
+/* Write the folder that a location means to a page; whether it is that of resources. */
+static int is_folder_of(char *page, const char *location, int decoded)
+{
+    size count = 0;
+    for (; *location; location++) {
+        int high = decoded && *location == '%' ? digit(location[1]) : -1;
+        int low = high < 0 ? -1 : digit(location[2]);
+        if (count >= PAGE - sizeof MODULE) return 0;
+        page[count] = *location;
+        if (low >= 0 && high + low > 0) page[count] = (char)(16 * high + low), location += 2;
+        count++;
+    }
+    page[count] = 0;
+    return lies_in(page, count, FIRST_FILE) && lies_in(page, count, MODULE);
+}
+
+/* Write the folder of the resources to a page: of a path, or of a URI of this machine, whose
+   letters some masters do not encode. */
+static int find_resources(char *page, const char *location)
+{
+    const char *path = behind(location, "file:"), *local;
+    if (!path) return is_folder_of(page, location, 0);
+    if ((local = behind(path, "//localhost/"))) path = local - 1;
+    else if ((local = behind(path, "//"))) path = local;
+    return is_folder_of(page, path, 1) || is_folder_of(page, path, 0);
+}
+
+static int is_utf8(const char *text)
+{
+    const unsigned char *at = (const unsigned char *)text;
+    while (*at) {
+        unsigned first = *at++, rest = first < 0x80 ? 0 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : 3;
+        if (first >= 0x80 && (first < 0xc2 || first > 0xf4)) return 0;
+        /* too long a form, a half of a pair, beyond the last character */
+        unsigned lowest = first == 0xe0 ? 0xa0 : first == 0xf0 ? 0x90 : 0x80;
+        unsigned highest = first == 0xed ? 0x9f : first == 0xf4 ? 0x8f : 0xbf;
+        for (; rest; rest--, at++) {
+            if (*at < lowest || *at > highest) return 0;
+            lowest = 0x80, highest = 0xbf;
+        }
+    }
+    return 1;
+}
+
+/* Why no instance can be made of these, or nothing; the folder of the resources, or the reason with
+   their location, is written to the page. `percent` is what a logger takes for a %. */
+static const char *obstacle_to(char *page, const char *name, const char *token,
+                               const char *resources, const char *percent)
+{
+    if (!name || !token || !resources)
+        return "the name, the identifier of the unit or the location of its resources is missing";
+    if (!is_utf8(name)) return "the name of the instance is no text in UTF-8";
+    if (!is_utf8(resources)) return "the location of the resources is no text in UTF-8";
+    if (find_resources(page, resources)) {
+        if (is_utf8(page)) return 0;
+        return "the location of the resources is no text in UTF-8";
+    }
+    size count = appended(page, 0, "the resources of the unit are not at \"");
+    for (; *resources && count < PAGE - 200; resources++) {
+        char letter[2] = {*resources, 0};
+        count = appended(page, count, *resources == '%' ? percent : letter);
+    }
+    appended(page, count, "\", or slavemodule.txt or lcmchain_unit_" FMI ".py in it cannot be read; "
+                          "hand in the folder resources of the unpacked unit");
+    return page;
+}
+
 /* What a record holds in both versions. */
+enum { STATES = 256 };
 struct common {
     void *instance;      /* the exporter's */
     void *environment;   /* the master's */
@@ -80,7 +199,23 @@ struct common {
     int dead;            /* the exporter has given the instance up: it must not see it again */
     void *sized_state;   /* of which the size was asked last */
     size sized;
+    void *states[STATES]; /* the last ones that the master was given and has not freed */
+    unsigned next_state;
 };
+
+/* Remember a state that the master is given. */
+static void given_out(struct common *record, void *state)
+{
+    record->states[record->next_state++ % STATES] = state;
+}
+
+/* Forget one; whether it was known. */
+static int taken_back(struct common *record, const void *state)
+{
+    for (unsigned i = 0; state && i < STATES; i++)
+        if (record->states[i] == state) return record->states[i] = 0, 1;
+    return 0;
+}
 
 static int wants(const struct common *record, int status, const char *category)
 {

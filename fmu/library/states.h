@@ -17,7 +17,15 @@ EXPORTED int STATE(GET_STATE)(struct record *record, void **state)
     BEGIN(record);
     if (!state) REFUSE(record, NO_MEMORY);
     record->common.sized_state = 0;
-    return ended(&record->common, ORIGINAL_STATE(GET_STATE)(record->common.instance, state));
+    void *old = *state;
+    int status = ended(&record->common, ORIGINAL_STATE(GET_STATE)(record->common.instance, state));
+    if (status != OK) return status;
+    /* The new state takes the place of one that the master hands in, which the exporter would leave
+       in memory. A pointer that no call has given out is one that the master never set. */
+    if (taken_back(&record->common, old))
+        status = ended(&record->common, ORIGINAL_STATE(FREE_STATE)(record->common.instance, &old));
+    given_out(&record->common, *state);
+    return status;
 }
 
 EXPORTED int STATE(SET_STATE)(struct record *record, void *state)
@@ -32,6 +40,7 @@ EXPORTED int STATE(FREE_STATE)(struct record *record, void **state)
     BEGIN(record);
     if (!state || !*state) return OK; /* as the standards have it */
     record->common.sized_state = 0;
+    taken_back(&record->common, *state);
     int status = ORIGINAL_STATE(FREE_STATE)(record->common.instance, state);
     *state = 0;
     return ended(&record->common, status);
@@ -73,6 +82,8 @@ EXPORTED int STATE(READ_STATE)(struct record *record, const void *bytes, size co
     BEGIN(record);
     if (!state || (count && !bytes)) REFUSE(record, NO_MEMORY);
     record->common.sized_state = 0;
-    return ended(&record->common,
-                 ORIGINAL_STATE(READ_STATE)(record->common.instance, bytes, count, state));
+    int status = ended(&record->common,
+                       ORIGINAL_STATE(READ_STATE)(record->common.instance, bytes, count, state));
+    if (status == OK) given_out(&record->common, *state);
+    return status;
 }

@@ -4,9 +4,12 @@
 """
 
 import ctypes
+import gc
 import json
+import shutil
 import sys
 from pathlib import Path
+from urllib.parse import quote
 
 from fmpy import read_model_description
 
@@ -28,9 +31,14 @@ class Callbacks(ctypes.Structure):
 
 
 class Bare:
-    """One instance, new or of another master; ``heard`` is what its own logger was told."""
+    """One instance, new or of another master; ``heard`` is what its own logger was told.
 
-    def __init__(self, folder, *, logger=True, logging=True, instance=None):
+    ``resources`` and ``name`` are bytes that a master hands in, none for those that are right.
+    """
+
+    def __init__(
+        self, folder, *, logger=True, logging=True, instance=None, resources=None, name=b"bare"
+    ):
         description = read_model_description(folder, validate=False)
         self.version = int(description.fmiVersion[0])
         self.variables = {v.name: v for v in description.modelVariables}
@@ -38,12 +46,12 @@ class Bare:
         self.library = ctypes.CDLL(str(library))
         self.heard, self.instance = [], instance
         if instance is None:
-            self._instantiate(description, folder, logger, logging)
+            place = Path(folder, "resources")
+            right = place.as_uri() if self.version == 2 else str(place)
+            token = description.guid if self.version == 2 else description.instantiationToken
+            self._instantiate([name, token.encode(), resources or right.encode()], logger, logging)
 
-    def _instantiate(self, description, folder, logger, logging):
-        place = Path(folder, "resources").as_uri() if self.version == 2 else f"{folder}/resources"
-        token = description.guid if self.version == 2 else description.instantiationToken
-        names = [b"bare", token.encode(), place.encode()]
+    def _instantiate(self, names, logger, logging):
         pointer, text = ctypes.c_void_p, ctypes.c_char_p
         kind = (pointer, text) if self.version == 2 else (pointer,)
         self._log = ctypes.CFUNCTYPE(None, *kind, ctypes.c_int, text, text)(
@@ -60,7 +68,6 @@ class Bare:
                          None]  # fmt: skip
         make.restype = pointer
         self.instance = pointer(make(*arguments))
-        assert self.instance.value
 
     def call(self, name, *arguments):
         """Return what a function of this version answers to the instance and arguments."""
@@ -132,6 +139,45 @@ class Bare:
 
     def number(self, name):
         return self.move("Get", "Real" if self.version == 2 else "Float64", [name])[1][0]
+
+
+def instances(folder, out):
+    """Whether there is an instance, and what was told, by name and location of the resources."""
+    moved = Path(out, "spä ce %41#")
+    shutil.copytree(folder, moved)
+    plain, letters = str(moved / "resources"), quote(str(moved / "resources"))
+    found = {}
+    made = ("file://" + letters, "file:" + letters, "File://localhost" + letters + "/", plain,
+            "file://" + plain)  # fmt: skip
+    refused = ("file:///nowhere/50%", "file://elsewhere" + letters, "file:", out, "x" * 5000)
+    incomplete = Path(out, "incomplete")
+    shutil.copytree(Path(folder, "resources"), incomplete)
+    (module,) = incomplete.glob("lcmchain_unit_fmi?.py")
+    module.unlink()
+    for kind, places in (("made", made), ("refused", (*refused, str(incomplete)))):
+        units = [Bare(folder, resources=place.encode()) for place in places]
+        found[kind] = [[bool(u.instance.value), [text for _, text in u.heard]] for u in units]
+        for unit in units:
+            if unit.instance.value:
+                unit.free()
+    names = (b"\xff", b"\xe4bc", b"\xed\xa0\x80", b"\xc0\x80", b"\xe2\x82", "ä€😀".encode())
+    units = [Bare(folder, name=name) for name in names]
+    found["named"] = [bool(unit.instance.value) for unit in units]
+    found["latin"] = bool(Bare(folder, resources=b"/tmp/\xe4").instance.value)
+    units[-1].free()
+    return found
+
+
+def percent(folder):
+    """The text of an error that holds a %."""
+    unit = Bare(folder)
+    text = (ctypes.c_char_p * 1)(b"/proc/3 % slower")
+    one = (ctypes.c_uint32 * 1)(unit.reference("out_dir"))
+    sizes = [ctypes.c_size_t(1)] if unit.version == 3 else []
+    unit.call("SetString", one, ctypes.c_size_t(1), text, *sizes)
+    unit.initialize()
+    unit.free()
+    return unit.heard[-1][1]
 
 
 def unheard(folder):
@@ -206,10 +252,18 @@ def states(folder):
         unit.call(f"Serialize{ending}", state, memory, ctypes.c_size_t(size.value + change))
         for change in (-1, 8, 0)
     ]
+    before = _state_count()
+    for _ in range(3):
+        unit.call(f"Get{ending}", ctypes.byref(state))
+    found["more"] = _state_count() - before
     unit.call(f"Free{ending}", ctypes.byref(state))
     found["left"] = state.value
     unit.free()
     return found
+
+
+def _state_count():
+    return sum(type(one).__name__ == "SavedState" for one in gc.get_objects())
 
 
 def values(folder):
@@ -250,5 +304,6 @@ if __name__ == "__main__":
     tried = {
         "unheard": unheard(where), "quiet": quiet(where, out_dir), "chosen": chosen(where),
         "times": times(where), "states": states(where), "values": values(where),
+        "instances": instances(where, out_dir), "percent": percent(where),
     }  # fmt: skip
     print(json.dumps(tried))

@@ -41,16 +41,22 @@ def version(request):
 
 
 @pytest.fixture(scope="module")
-def answers(version, patch_file, tmp_path_factory):
-    """What a unit answered in a process of its own, which has come to its end."""
+def folder(version, patch_file, tmp_path_factory):
+    """The unpacked unit of the patch."""
     where = tmp_path_factory.mktemp(f"guard{version}")
     unit = build.build_fmu(patch_file, where / "patch.fmu", fmi=version)
-    folder = extract(str(unit), unzipdir=str(where / "unpacked"))
+    return extract(str(unit), unzipdir=str(where / "unpacked"))
+
+
+@pytest.fixture(scope="module")
+def answers(folder):
+    """What a unit answered in a process of its own, which has come to its end."""
     done = subprocess.run(
-        [sys.executable, Path(__file__).with_name("bare.py"), folder, where],
+        [sys.executable, Path(__file__).with_name("bare.py"), folder, Path(folder).parent],
         capture_output=True,
         text=True,
         env={**os.environ, "NUMBA_NUM_THREADS": "1"},
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout.splitlines()[-1])
@@ -92,7 +98,50 @@ def test_a_reset_forgets_start_and_stop_time(answers):
 
 
 def test_states_that_are_null_and_memory_of_another_size_are_refused(answers):
-    assert answers["states"] == {"null": ERROR, "sizes": [ERROR, ERROR, 0], "left": None}
+    found = answers["states"]
+    assert (found["null"], found["sizes"], found["left"]) == (ERROR, [ERROR, ERROR, 0], None)
+
+
+def test_a_state_that_is_saved_again_takes_the_place_of_the_one_before(answers):
+    assert answers["states"]["more"] == 0
+
+
+def test_resources_are_found_by_every_form_of_their_location(answers):
+    assert answers["instances"]["made"] == [[True, []]] * 5
+
+
+def test_a_location_without_resources_is_told_and_makes_no_instance(answers, version):
+    refused = answers["instances"]["refused"]
+    assert [made for made, _ in refused] == [False] * 6
+    for _, (told,) in refused:
+        assert told.startswith("the resources of the unit are not at ")
+    percent = "%%" if version == 2 else "%"
+    (told,) = refused[0][1]
+    assert f'"file:///nowhere/50{percent}"' in told and "hand in the folder resources" in told
+
+
+def test_names_and_locations_that_are_no_utf8_make_no_instance(answers):
+    assert answers["instances"]["named"] == [False] * 5 + [True]
+    assert not answers["instances"]["latin"]
+
+
+def test_a_logger_of_fmi_2_that_formats_its_texts_finds_no_value_in_them(answers, version):
+    assert ("/proc/3 %% slower" if version == 2 else "/proc/3 % slower") in answers["percent"]
+
+
+def test_a_host_without_lcmchain_gets_no_instance_and_the_reason(folder):
+    """The exporter of FMI 3.0 hangs where the entry file raises."""
+    program = (
+        "import sys; sys.modules['lcmchain'] = None\n"
+        f"sys.path.insert(0, {str(Path(__file__).parent)!r}); import bare\n"
+        f"unit = bare.Bare({str(folder)!r}); print(unit.instance.value, unit.heard)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("None "), done.stdout
+    assert "this unit needs lcmchain in the Python" in done.stdout
 
 
 def test_values_that_there_are_not_are_refused_whatever_their_type(answers, version):

@@ -25,6 +25,7 @@ from lcmchain.coupling.cosimulation.ssp.structure import (
     Node,
     Structure,
     node_text,
+    number_of,
     read_structure,
     text_of,
     value_of_text,
@@ -217,6 +218,7 @@ def _experiment(root: Element, structure: Structure) -> TomlTable:
     for key, name in (("start_time", "startTime"), ("stop_time", "stopTime")):
         value = None if experiment is None else experiment.get(name)
         if value is not None:
+            number_of(value, f"{name} of the DefaultExperiment")
             times[key] = f"{value} s"
     if "stop_time" not in times:
         end = f"{_seconds(times.get('start_time', '0 s')) + LENGTH!r} s"
@@ -422,10 +424,19 @@ def _annotation(root: Element) -> TomlTable:
             try:
                 kept = json.loads(text or "{}")
             except ValueError:
-                raise InputError(f"the annotation {ANNOTATION} is damaged") from None
-            if isinstance(kept, dict):
+                raise InputError(f"the annotation {ANNOTATION} is damaged; remove it") from None
+            if isinstance(kept, dict) and all(
+                isinstance(table, dict)
+                for key in ("units", "connections")
+                for table in (kept.get(key, {}), *_entries(kept.get(key)))
+            ):
                 return kept
+            raise InputError(f"the annotation {ANNOTATION} is damaged; remove it")
     return {}
+
+
+def _entries(table: object) -> Sequence[object]:
+    return tuple(table.values()) if isinstance(table, dict) else ()
 
 
 def _merge(data: TomlTable, kept: TomlTable) -> None:

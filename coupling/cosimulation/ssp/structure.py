@@ -321,9 +321,16 @@ def _read_system(
     structure: Structure, system: Element, path: Path, load: Callable[[str], Element]
 ) -> None:
     _read_connectors(structure, system, path)
+    names: set[str] = set()
     for element in system.find(f"{SSD}Elements") or ():
         name = element.get("name", "")
         inner = (*path, name)
+        if name in names:
+            raise InputError(
+                f'two elements have the name "{".".join(inner)}", so that connections and '
+                "parameters do not say which they mean; rename one"
+            )
+        names.add(name)
         if element.tag == f"{SSD}System":
             _read_system(structure, element, inner, load)
         elif element.tag == f"{SSD}Component":
@@ -353,6 +360,13 @@ def _read_system(
              else path, connection.get(f"{side}Connector", ""))
             for side in ("start", "end")
         )  # fmt: skip
+        for node in (start, end):
+            if not node[1] or (len(node[0]) > len(path) and node[0][-1] not in names):
+                what = f'the element "{node[0][-1]}"' if node[1] else "one of its connectors"
+                raise InputError(
+                    f'the connection from "{node_text(start)}" to "{node_text(end)}" lacks {what}, '
+                    "which the system does not have; correct or remove it"
+                )
         if connection.get("startIndices") or connection.get("endIndices"):
             raise InputError(
                 f"the connection to {node_text(end)} is one of single entries of an array "
@@ -401,11 +415,32 @@ def _transformation(element: Element) -> Transformation:
     for child in element:
         name = child.tag.removeprefix(SSC)
         if name == "LinearTransformation":
-            factor, offset = float(child.get("factor", "1")), float(child.get("offset", "0"))
+            factor, offset = (
+                number_of(child.get(key, usual), f"{key} of a LinearTransformation")
+                for key, usual in (("factor", "1"), ("offset", "0"))
+            )
             step = replace(step, factor=factor, offset=offset)
         elif name.endswith("MappingTransformation"):
             raise InputError(f"a connection with a {name} is not read; linear transformations are")
     return step
+
+
+def number_of(text: str, what: str) -> float:
+    """Return a finite number that an attribute holds.
+
+    what : the attribute, for messages.
+
+    Raises
+    ------
+    InputError : it holds none.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f'the {what} is "{shortened(text)}", which is no finite number')
+    return number
 
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -423,7 +458,9 @@ def _read_bindings(
                     "is not read; put the file into the archive"
                 )
         inline = binding.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
-        values = inline if inline is not None else load(local_name(binding.get("source", "")))
+        values = inline
+        if values is None:
+            values = _loaded(binding, load, f"{SSV}ParameterSet")
         prefix = binding.get("prefix", "")
         measures = {**structure.measures, **measures_of(values, SSV)}
         items = {**structure.items, **items_of(values, SSV)}
@@ -432,32 +469,70 @@ def _read_bindings(
             for parameter in values.findall(f"{SSV}Parameters/{SSV}Parameter")
         }
         if mapping is not None:
-            given = _mapped(given, mapping, load)
+            given = _mapped(structure, given, mapping, load)
         for name, value in given.items():
             node = _place(structure, path, name)
             if node is not None:
                 structure.values.append((node, value))
 
 
+def _loaded(owner: Element, load: Callable[[str], Element], tag: str) -> Element:
+    """Return the root of the file that a binding or mapping names; it has this tag.
+
+    Raises
+    ------
+    InputError : there is no such file, or it holds something else.
+    """
+    name = local_name(owner.get("source", ""))
+    root = load(name)
+    if root.tag != tag:
+        wanted, found = tag.rpartition("}")[2], root.tag.rpartition("}")[2]
+        raise InputError(f"{shortened(name)} is no {wanted} of SSP, but <{shortened(found)}>")
+    return root
+
+
 def _mapped(
-    given: dict[str, Given], mapping: Element, load: Callable[[str], Element]
+    structure: Structure,
+    given: dict[str, Given],
+    mapping: Element,
+    load: Callable[[str], Element],
 ) -> dict[str, Given]:
     """Return the values under the names of a mapping."""
-    inline = mapping.find(f"{SSM}ParameterMapping")
-    root = inline if inline is not None else load(local_name(mapping.get("source", "")))
+    root = mapping.find(f"{SSM}ParameterMapping")
+    if root is None:
+        root = _loaded(mapping, load, f"{SSM}ParameterMapping")
     mapped = {}
     for entry in root.findall(f"{SSM}MappingEntry"):
-        value = given.get(entry.get("source", ""))
+        source, target = entry.get("source", ""), entry.get("target", "")
+        value = given.get(source)
         if value is None:
+            structure.remarks.append(
+                f'the mapping of "{source}" to "{target}" is left out: the parameter set has no '
+                f'"{source}"'
+            )
             continue
         step = _transformation(entry)
         if (step.factor, step.offset) != (1.0, 0.0):
-            texts = tuple(repr(step.factor * float(text) + step.offset) for text in value.texts)
-            value = replace(value, texts=texts)
+            value = _transformed(value, step, source)
         if not step.convert_units:
             value = replace(value, unit=None, measure=None)
         mapped[entry.get("target", "")] = value
     return mapped
+
+
+def _transformed(value: Given, step: Transformation, name: str) -> Given:
+    """Return a number that a mapping changes; a whole one stays one, where it is whole."""
+    if value.kind not in ("Real", "Integer"):
+        raise InputError(
+            f'the mapping of "{shortened(name)}" has a LinearTransformation, but its value is a '
+            f"{value.kind}, no number"
+        )
+    numbers = [
+        step.factor * number_of(text, f'value of "{shortened(name)}"') + step.offset
+        for text in value.texts
+    ]
+    whole = value.kind == "Integer" and all(number.is_integer() for number in numbers)
+    return replace(value, texts=tuple(str(int(n)) if whole else repr(n) for n in numbers))
 
 
 def _place(structure: Structure, path: Path, name: str) -> Node | None:

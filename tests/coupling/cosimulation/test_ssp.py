@@ -185,6 +185,70 @@ def test_what_is_not_read_is_told(units, tmp_path, text, reason):
     assert "t.ssp" in str(caught.value) or "nothing" in str(caught.value)
 
 
+def mapped(value, kind="Real", step='factor="2"', source="given"):
+    """A component with one value that is mapped to its mass with a linear transformation."""
+    entry = (
+        f'<ssm:MappingEntry source="{source}" target="mass"><ssc:LinearTransformation {step}/>'
+        "</ssm:MappingEntry>"
+    )
+    bound = values(("given", kind, value, None)).replace(
+        "</ssd:ParameterBinding>",
+        f'<ssd:ParameterMapping><ssm:ParameterMapping version="1.0">{entry}</ssm:ParameterMapping>'
+        "</ssd:ParameterMapping></ssd:ParameterBinding>",
+    )
+    body = component("a", "Mass_2", "", bound)
+    return structure(f'<ssd:System name="root"><ssd:Elements>{body}</ssd:Elements></ssd:System>')
+
+
+def kept(text):
+    """A system with settings of this program that somebody has changed by hand."""
+    return single().replace(
+        "</ssd:SystemStructureDescription>",
+        '<ssd:Annotations><ssc:Annotation type="lcmchain.cosimulation">'
+        f"<settings>{text}</settings></ssc:Annotation></ssd:Annotations>"
+        "</ssd:SystemStructureDescription>",
+    )
+
+
+LINK = connection("a/position", "b/position1", '<ssc:LinearTransformation factor="two"/>')
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        (single(LINK), 'factor of a LinearTransformation is "two"'),
+        (single().replace('stopTime="2"', 'stopTime="soon"'), 'the stopTime .* is "soon"'),
+        (single().replace('startTime="0"', 'startTime="-inf"'), 'the startTime .* is "-inf"'),
+        (single(connection("c/position", "b/position1")), 'lacks the element "c"'),
+        (single(connection("a/position", "c/position1")), 'lacks the element "c"'),
+        (single('<ssd:Connection startElement="a" startConnector="x"/>'), "lacks one of its conn"),
+        (single(other=component("a", "Mass_2", "")), 'two elements have the name "a"'),
+        (single().replace("<ssd:Connections>", '<ssd:ParameterBindings><ssd:ParameterBinding '
+                          'source="set.ssv"/></ssd:ParameterBindings><ssd:Connections>', 1),
+         "set.ssv is no ParameterSet"),
+        (mapped("heavy"), 'value of "given" is "heavy"'),
+        (mapped("true", "Boolean"), "its value is a Boolean"),
+        (mapped("3", step='offset="x"'), 'offset of a LinearTransformation is "x"'),
+        (kept('{"units": 5}'), "annotation lcmchain.cosimulation is damaged"),
+        (kept('{"connections": {"a": 7}}'), "annotation lcmchain.cosimulation is damaged"),
+        (kept("[]"), "annotation lcmchain.cosimulation is damaged"),
+    ],
+)  # fmt: skip
+def test_a_wrong_entry_is_told_with_its_name_and_archive(units, tmp_path, text, reason):
+    path = pack(units, tmp_path / "t.ssp", text, "Mass_2", "Tail_3", set__ssv="<a/>")
+    with pytest.raises(InputError, match=reason) as caught:
+        read_ssp(path, tmp_path / "in")
+    assert "t.ssp" in str(caught.value)
+
+
+def test_a_mapping_keeps_whole_numbers_and_tells_what_it_does_not_find(units, tmp_path):
+    path = pack(units, tmp_path / "t.ssp", mapped("3", "Integer"), "Mass_2")
+    assert read_ssp(path, tmp_path / "in").units[0].start == {"mass": 6}
+    path = pack(units, tmp_path / "u.ssp", mapped("3", source="other"), "Mass_2")
+    assert any('the parameter set has no "other"' in one for one in
+               read_ssp(path, tmp_path / "un")._remarks)  # fmt: skip
+
+
 TABLES = {
     "title": "All of it", "start_time": "500 ms", "stop_time": "2 s", "unit_tolerance": 1e-7,
     "window": {"size": "50 ms", "smallest": "5 ms"},
