@@ -158,11 +158,17 @@ def require_none(warnings: Sequence[str], *, strict: bool) -> None:
 
 @contextmanager
 def show_python_warnings() -> Iterator[None]:
-    """Show warnings that the library gives in the words of the commands, on the error stream."""
+    """Show warnings that the library gives in the words of the commands, on the error stream.
+
+    Each text once: Python forgets what it has shown where anything sets its filters meanwhile.
+    """
+    shown: set[str] = set()
     with warnings_module.catch_warnings():
 
         def show(message, category, filename, lineno, file=None, line=None) -> None:
-            print(f"Warning: {message}", file=sys.stderr)
+            if str(message) not in shown:
+                shown.add(str(message))
+                print(f"Warning: {message}", file=sys.stderr)
 
         warnings_module.showwarning = show
         yield

@@ -463,12 +463,24 @@ def still_moving_warning(summary: Mapping[str, Any], slowing: str = "process.tim
 
     slowing : scene entry that says how slow the process is.
     """
-    if not summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END:
+    if not summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END or _ends_at_rest(
+        summary
+    ):
         return []
     return [
         f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
         f"of the internal energy); use a larger {slowing} or process.mass_damping"
     ]
+
+
+def _ends_at_rest(summary: Mapping[str, Any]) -> bool:
+    """Tell whether the last stage was one of rest, and the sheet came to rest in it.
+
+    What is left then has been compared with the energy that was stored before the release, since
+    almost none is stored after it.
+    """
+    rest = next((stage.get("rest") for stage in reversed(summary.get("stages", ()))), None)
+    return rest is not None and rest["reached_s"] is not None
 
 
 def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
@@ -496,6 +508,10 @@ def rest_verdict(summary: Mapping[str, Any], scene: Scene) -> Iterator[Verdict]:
     """Judge whether the sheet is at rest in the last frame of a run that came to its end."""
     # a stopped run has not come to its end
     if "kinetic_to_internal_end" in summary and has_ended(summary):
+        if _ends_at_rest(summary):
+            name = summary["stages"][-1]["name"]
+            yield Verdict("At rest at the end", GOOD, f"the sheet came to rest in the stage {name}")
+            return
         yield share(
             "At rest at the end",
             summary["kinetic_to_internal_end"],

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 import types
+import warnings
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from rich.table import Table
 from lcmchain import cli
 from lcmchain.commands import run as run_command
 from lcmchain.commands.options import default_out
+from lcmchain.commands.terminal import show_python_warnings
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.manual.command_reference import leaf_commands
 from lcmchain.scene import read_scene, scene_from_text
@@ -104,6 +106,16 @@ def test_run_does_not_wait_for_what_its_steps_do_not_need():
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
+
+
+def test_a_warning_is_shown_once_whatever_happens_to_the_filters(capsys):
+    with show_python_warnings():
+        for _ in range(3):
+            with warnings.catch_warnings():
+                warnings.simplefilter("always")
+                warnings.warn("ball.stl: inside out", stacklevel=1)
+        warnings.warn("ball.stl: open", stacklevel=1)
+    assert capsys.readouterr().err == "Warning: ball.stl: inside out\nWarning: ball.stl: open\n"
 
 
 def test_no_command_shows_the_help(capsys):

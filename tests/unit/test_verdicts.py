@@ -360,6 +360,19 @@ def test_a_stopped_run_is_bad_says_why_and_is_not_expected_at_rest(scene, datase
     assert "At rest at the end" not in found
 
 
+@pytest.mark.parametrize(("reached", "grade"), [(0.04, "good"), (None, "bad")])
+def test_a_release_that_came_to_rest_is_at_rest_whatever_it_still_stores(
+    reached, grade, scene, datasets
+):
+    """The kinetic energy is more than the internal one, of which a released sheet has none."""
+    released = [{"name": "press"}, {"name": "off", "rest": {"reached_s": reached}}]
+    moving = {"kinetic_to_internal_end": 1.7, "stages": released}
+    verdict = judged(scene, datasets, **moving)["At rest at the end"]
+    assert verdict.grade == grade
+    assert ("stage off" in verdict.text) == (reached is not None)
+    assert bool(still_moving_warning(moving)) == (reached is None)
+
+
 def test_a_run_that_failed_after_forming_is_expected_at_rest(scene, datasets):
     times = {"process_time_s": 0.2, "time_reached_s": 0.2}
     found = judged(scene, datasets, state="stopped: no sheet near", **times)

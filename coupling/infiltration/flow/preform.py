@@ -233,7 +233,8 @@ def _check_arrays(points: np.ndarray, cells: np.ndarray) -> None:
     _few_cells(wrong | (cells[:, 3] < -1), f"name nodes that are not among the {len(points)}")
     filled = np.where(cells < 0, -1 - np.arange(4), cells)
     ordered = np.sort(filled, axis=1)
-    _few_cells((ordered[:, 1:] == ordered[:, :-1]).any(axis=1), "name a node twice")
+    doubled = (ordered[:, 1:] == ordered[:, :-1]).any(axis=1)
+    _few_cells(doubled, "name a node twice", "; write a triangle by its three nodes")
     used = np.zeros(len(points), dtype=bool)
     used[cells[cells >= 0]] = True
     if not used.all():
@@ -249,10 +250,10 @@ def _check_sets(kind: str, sets: Mapping[str, np.ndarray], count: int) -> None:
             raise InputError(f'the {kind} set "{name}" names rows beyond the {count} {kind}s')
 
 
-def _few_cells(wrong: np.ndarray, what: str) -> None:
+def _few_cells(wrong: np.ndarray, what: str, remedy: str = "") -> None:
     if np.any(wrong):
         raise InputError(
-            f"{int(np.sum(wrong))} cells {what} ({_rows('row', np.flatnonzero(wrong))})"
+            f"{int(np.sum(wrong))} cells {what} ({_rows('row', np.flatnonzero(wrong))}){remedy}"
         )
 
 

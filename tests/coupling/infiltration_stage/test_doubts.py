@@ -94,7 +94,7 @@ def test_a_cell_that_names_a_node_twice_is_refused_with_the_file(kit, tmp_path):
     points, quads = strip()
     quads[4, 2] = quads[4, 1]
     source = write_forming(tmp_path / "twice.nc", points, quads)
-    with pytest.raises(InputError, match=r"twice\.nc: 1 cells name a node twice \(row 4\)"):
+    with pytest.raises(InputError, match=r"twice\.nc: 1 cells name a node twice \(row 4\); write"):
         set_up(read_formed_part(source), kit.case())
 
 
