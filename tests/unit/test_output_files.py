@@ -10,7 +10,6 @@ import xarray as xr
 
 from lcmchain.errors import InputError, OutputError
 from lcmchain.fields import (
-    FIELDS,
     FrameSeries,
     add_face_variables,
     build_datasets,
@@ -28,7 +27,7 @@ from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.fields.ugrid import CONVENTIONS, TIME, UgridMesh, saved_times
 from lcmchain.judgements.fields import field_warnings
 from lcmchain.mesh.blank import build_blank
-from lcmchain.quantities.fields import BETWEEN_PLIES
+from lcmchain.quantities.fields import BETWEEN_PLIES, FIELDS
 from lcmchain.scene import scene_from_text
 
 # An outline with a slanted side, which leaves halved cells (triangles), and a title beyond ASCII.
