@@ -281,6 +281,7 @@ IN_A_STAGE = f'[[stages]]\nname = "on"\ntime = "30 ms"\nmotions.end = {LEAD}'
         ("", 'hold = "xyz"', IN_A_STAGE, "times of the [[stages]]"),
         ("30 ms", 'force = "5 N"\noutward = true', "", "process.mass_damping"),
     ],
+    ids=["leads", "leads_in_a_stage", "pulls"],
 )
 def test_a_gripper_that_leads_sets_the_pace_and_one_that_pulls_does_not(time, what, stages, asked):
     process = f'process = {{ time = "{time}" }}' if time else ""
