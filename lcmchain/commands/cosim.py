@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from lcmchain.commands.options import Overrides, Quiet, Results, Strict, default_out, output_folder
+from lcmchain.commands.options import (
+    Overrides,
+    Quiet,
+    Results,
+    Strict,
+    default_out,
+    output_folder,
+    results_option,
+)
 from lcmchain.commands.terminal import console, progress_bar, require_none, say, warn
 from lcmchain.errors import InputError
 
@@ -30,9 +38,7 @@ def cosim(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", metavar="DIR", help="Folder of the results; default results/SYSTEM."
-        ),
+        results_option("SYSTEM"),
     ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint in DIR.")

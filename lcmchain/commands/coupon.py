@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcmchain.commands.options import Overrides, output_folder
+from lcmchain.commands.options import Overrides, output_folder, results_option
 from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
 
 if TYPE_CHECKING:
@@ -36,9 +36,7 @@ MaterialScene = Annotated[
 ]
 OutFolder = Annotated[
     Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder of the results; default results/coupon/<test>."
-    ),
+    results_option("coupon/<test>"),
 ]
 EdgeLength = Annotated[str, typer.Option(metavar="LENGTH", help="Edge length of the elements.")]
 
@@ -208,9 +206,7 @@ CouponFile = Annotated[
 ]
 CouponFolder = Annotated[
     Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<data>."
-    ),
+    results_option("<data>"),
 ]
 NoiseFloor = Annotated[
     float, typer.Option(help="Smallest noise, relative to the largest measured value.")

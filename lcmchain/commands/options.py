@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -52,12 +52,16 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     return with_options
 
 
+def results_option(default: str) -> Any:
+    """Return the option of a command's folder of results; ``default`` is its name in results."""
+    text = f"Folder of the results; default results/{default}."
+    return typer.Option("--out", "-o", metavar="DIR", help=text)
+
+
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
 OutFolder = Annotated[
     Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<scene>."
-    ),
+    results_option("<scene>"),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -81,7 +85,7 @@ Strict = Annotated[
 ]
 Results = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="DIR", help="Folder of the results; default results/NAME."),
+    results_option("NAME"),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.")]
 

@@ -16,6 +16,7 @@ from lcmchain.commands.options import (
     Quiet,
     default_out,
     output_folder,
+    results_option,
     takes_options,
 )
 from lcmchain.commands.terminal import progress_bar, say, show_whole, warn
@@ -26,9 +27,7 @@ if TYPE_CHECKING:
 
 OutFolder = Annotated[
     Path | None,
-    typer.Option(
-        "--out", "-o", metavar="DIR", help="Folder of the results; default results/<scene>_<study>."
-    ),
+    results_option("<scene>_<study>"),
 ]
 
 study_app = typer.Typer(

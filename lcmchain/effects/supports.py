@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from lcmchain.effects.effect import Effect, EffectModel
 from lcmchain.errors import InputError
 from lcmchain.jit import equation
+from lcmchain.tools.table import rotation_and_shift
 
 # Motions are tabulated once: cubic pieces between so many values leave 1e-9 of a smooth stroke.
 TABLE_SIZE = 401
@@ -86,19 +87,11 @@ def rotation(
     """Return the motion of a grip that turns by ``angle(time)`` [rad] about an axis.
 
     Right-handed about ``axis`` through ``point`` [m], which stays where it is.
-    Source: Rodrigues' formula, e.g. Bonet & Wood, "Nonlinear Continuum Mechanics", section 2.2.
     """
     along = np.asarray(axis, dtype=float)
     along = along / np.linalg.norm(along)
     center = np.asarray(point, dtype=float)
-    cross = np.cross(np.eye(3), along)  # cross @ x is along × x
-
-    def motion(time: float) -> np.ndarray:
-        turned = angle(time)
-        r = np.eye(3) + math.sin(turned) * cross + (1.0 - math.cos(turned)) * cross @ cross
-        return np.column_stack([r, center - r @ center])
-
-    return motion
+    return lambda time: np.column_stack(rotation_and_shift(np.zeros(3), along, center, angle(time)))
 
 
 def build_supports(

@@ -463,9 +463,8 @@ def still_moving_warning(summary: Mapping[str, Any], slowing: str = "process.tim
 
     slowing : scene entry that says how slow the process is.
     """
-    if not summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END or _ends_at_rest(
-        summary
-    ):
+    moves = summary["kinetic_to_internal_end"] > LARGEST_KINETIC_PART_AT_END
+    if not moves or _ends_at_rest(summary):
         return []
     return [
         f"the sheet still moves at the end (kinetic {summary['kinetic_to_internal_end']:.1%} "
@@ -479,7 +478,8 @@ def _ends_at_rest(summary: Mapping[str, Any]) -> bool:
     What is left then has been compared with the energy that was stored before the release, since
     almost none is stored after it.
     """
-    rest = next((stage.get("rest") for stage in reversed(summary.get("stages", ()))), None)
+    stages = summary.get("stages")
+    rest = stages[-1].get("rest") if stages else None
     return rest is not None and rest["reached_s"] is not None
 
 

@@ -516,7 +516,7 @@ def _mapped(
             value = _transformed(value, step, source)
         if not step.convert_units:
             value = replace(value, unit=None, measure=None)
-        mapped[entry.get("target", "")] = value
+        mapped[target] = value
     return mapped
 
 
