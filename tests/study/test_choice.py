@@ -5,6 +5,7 @@ Pilots and runs are made here from a known error law, so that the true error is 
 
 import json
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +13,11 @@ import pytest
 from typer.testing import CliRunner
 
 from lcmchain.check import large_mesh
+from lcmchain.check.expected_cost import estimate_run
 from lcmchain.check.large_mesh import BUILDING_BYTES
 from lcmchain.cli import app
 from lcmchain.errors import InputError
+from lcmchain.solver.simulation import STEPS_PER_CHUNK, Simulation
 from lcmchain.study import chooser as chooser_module
 from lcmchain.study.choice import read_requirement
 from lcmchain.study.chooser import SPARE, Chooser
@@ -455,16 +458,36 @@ def test_a_small_budget_is_not_spent_on_knowing_what_to_spend_it_on(dent, tmp_pa
     assert small._begun_for == pytest.approx(0.05)
 
 
-def test_the_beginning_of_a_run_goes_with_the_work_of_a_run(dent, tmp_path):
-    """Steps and elements of the mesh itself; what its steps take is measured."""
-    scenes = [
-        dent.scene(('blank.edge_length="2 mm"', f'process.time="{time} ms"')) for time in (8, 16)
-    ]
-    short, long = (begin_run(scene, 1) for scene in scenes)
-    assert long.seconds == pytest.approx(2.0 * short.seconds, rel=0.5)
-    assert 0.0 < short.spent < 20.0 * DURATION
-    instant = dent.scene(('process.time="0.05 ms"', "process.frames=2"))
-    assert begin_run(instant, 1).seconds > 0.0
+def test_the_beginning_of_a_run_goes_with_the_work_of_a_run(dent, monkeypatch):
+    """Steps of the mesh itself, made for a moment; what one takes is measured, here by a clock
+    of which the test knows all."""
+    per_step, made = 1e-3, []
+    make_steps = Simulation.make_steps
+
+    def counted(simulation, count, step):
+        made.append(count)
+        return make_steps(simulation, count, step)
+
+    monkeypatch.setattr(Simulation, "make_steps", counted)
+    monkeypatch.setattr(time, "perf_counter", lambda: 100.0 + per_step * sum(made))
+
+    def begun(*overrides, duration=DURATION):
+        made.clear()
+        scene = dent.scene(('blank.edge_length="2 mm"', *overrides))
+        beginning = begin_run(scene, 1, duration)
+        steps = estimate_run(Simulation.from_scene(scene).model).step_count
+        assert beginning.seconds == pytest.approx(per_step * steps)
+        assert beginning.spent == pytest.approx(per_step * sum(made))
+        return beginning
+
+    short, long = (begun(f'process.time="{duration} ms"') for duration in (8, 16))
+    assert long.seconds == pytest.approx(2.0 * short.seconds, rel=0.01)
+    for beginning in (short, long):  # whole chunks, until the moment is over
+        assert DURATION <= beginning.spent < DURATION + per_step * STEPS_PER_CHUNK
+    begun('process.time="8 ms"', duration=1e-9)
+    assert made == [STEPS_PER_CHUNK]  # one at least
+    instant = begun('process.time="0.05 ms"', "process.frames=2")
+    assert instant.spent == pytest.approx(instant.seconds)  # made to its end
 
 
 def test_a_requirement_far_beyond_the_scene_is_told_before_anything_long_is_run(dent, tmp_path):
