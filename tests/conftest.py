@@ -1,5 +1,6 @@
 """Settings shared by all tests: installed package, no display, reproducible examples."""
 
+import functools
 import json
 import os
 import subprocess
@@ -53,6 +54,22 @@ def compiled_by_two():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compile_beside, "_cores", lambda: 1)
         yield by_two
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commands_built_once():
+    """Build what parses the command line once: typer does so in each call, in a tenth of a second.
+
+    Commands in processes of their own build theirs as ever.
+    """
+    import typer.main
+    import typer.testing
+
+    build = functools.cache(typer.main.get_command)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", build)
+        patch.setattr(typer.testing, "_get_command", build)
+        yield
 
 
 @pytest.fixture

@@ -109,7 +109,7 @@ def _find(name: str, by: SharedObject, first: SharedObject) -> SharedObject | No
         candidates += [Path(folder, name) for folder in _STANDARD]
     for candidate in candidates:
         if candidate.is_file():
-            library = read_shared_object(candidate)
+            library = read_installed(candidate)
             if library is not None and library.machine == first.machine:
                 return library
     return None
@@ -170,6 +170,23 @@ def read_shared_object(path: Path) -> SharedObject | None:
     except (OSError, ELFError, ValueError, UnicodeDecodeError, AttributeError):
         # what a damaged table raises inside the reader is not foreseeable beyond these
         return None
+
+
+def read_installed(path: Path) -> SharedObject | None:
+    """Read a library or program that is installed, once as long as it stays as it is.
+
+    Most units need the same few, of which the C library has thousands of symbols.
+    """
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return _read_once(path, state.st_mtime_ns, state.st_size)
+
+
+@functools.lru_cache(maxsize=64)
+def _read_once(path: Path, changed: int, size: int) -> SharedObject | None:
+    return read_shared_object(path)
 
 
 def _read(path: Path, elf: ELFFile) -> SharedObject:
@@ -287,7 +304,7 @@ def _examine_libraries(diagnosis: Diagnosis, path: Path) -> None:
             "unpack or fetch the unit again",
         )  # fmt: skip
         return
-    own = read_shared_object(Path(sys.executable).resolve())
+    own = read_installed(Path(sys.executable).resolve())
     if own is not None and own.machine != file.machine:
         diagnosis.add(
             Level.MISSING, "binary",

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from lcmchain.errors import InputError
-from lcmchain.fmu.doctor.binary import link, read_shared_object
+from lcmchain.fmu.doctor.binary import link, read_installed
 from lcmchain.fmu.doctor.findings import Diagnosis, Level
 from lcmchain.fmu.doctor.python import Interpreter
 
@@ -51,7 +51,7 @@ def examine_host(
     diagnosis: Diagnosis, host: Path, python: Interpreter, symbols: Collection[str]
 ) -> None:
     """Find whether a host that is no Python offers the symbols that a unit takes from it."""
-    file = read_shared_object(host)
+    file = read_installed(host)
     if file is None:
         diagnosis.add(
             Level.WARNING, "host",

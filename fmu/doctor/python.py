@@ -19,7 +19,7 @@ from pathlib import Path
 from packaging.requirements import InvalidRequirement, Requirement
 
 from lcmchain.errors import InputError
-from lcmchain.fmu.doctor.binary import link, read_shared_object
+from lcmchain.fmu.doctor.binary import link, read_installed
 from lcmchain.fmu.doctor.findings import Diagnosis, Finding, Level
 
 
@@ -78,7 +78,7 @@ def examine_library(
         )  # fmt: skip
         return
     diagnosis.facts["start_of_other_hosts"] = python.start
-    file = read_shared_object(python.library)
+    file = read_installed(python.library)
     if file is None:
         diagnosis.add(level, "libpython", f"{python.library} is damaged", "install it again")
         return
