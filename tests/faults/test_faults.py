@@ -187,7 +187,7 @@ def check_killed_run(scenes, complete, folder, moment):
 
 def test_a_run_killed_over_earlier_results(scenes, complete, moment_count, tmp_path):
     rng = np.random.default_rng(9)
-    for moment in sorted(rng.integers(1, moment_count + 1, 3).tolist()):
+    for moment in sorted(rng.integers(1, moment_count + 1, 2).tolist()):
         check_killed_run(scenes, complete, tmp_path / str(moment), moment)
 
 
