@@ -92,14 +92,18 @@ def _definition(resources: Path) -> tuple[UnitDefinition, Part]:
             f"{__version__} of this environment gives it other variables: build it again",
             file=definition.model_name,
         )
-    _require_own_description(resources.parent / "modelDescription.xml", definition)
+    require_own_description(resources.parent / "modelDescription.xml", definition)
     return definition, part
 
 
-def _require_own_description(path: Path, definition: UnitDefinition) -> None:
+def require_own_description(path: Path, definition: UnitDefinition) -> None:
     """Check the model description beside the resources: masters take the identifier from there.
 
     pythonfmu does not hand on the identifier that a master instantiates with.
+
+    Raises
+    ------
+    InputError : the description is that of another unit.
     """
     try:
         head = path.read_text(encoding="utf-8", errors="replace")[:4000]

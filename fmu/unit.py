@@ -186,6 +186,7 @@ class Unit:
         count = self.values.numbers[slots].size
         if len(values) != count:
             raise Refused(f"{len(values)} values were set for {count}")
+        self._require_within_limits(slots, values)
         self.values.numbers[slots] = values
         return Status.OK
 
@@ -404,6 +405,18 @@ class Unit:
                     )
                 self._changed |= self._decides_build(variable)
         return slots
+
+    def _require_within_limits(self, slots: slice | np.ndarray, values: Sequence[float]) -> None:
+        """Refuse values outside of the limits that the model description states."""
+        limits = [(v.minimum, v.maximum) for v in self.layout.touched(slots)]
+        if limits.count((None, None)) == len(limits):  # as of all fields, with their many values
+            return
+        for variable, value in zip(self._variables_of(slots), values, strict=True):
+            low, high = variable.minimum, variable.maximum
+            if low is not None and value < low:
+                raise Refused(f"{variable.name} was set to {value:g}; set it to {low:g} or more")
+            if high is not None and value > high:
+                raise Refused(f"{variable.name} was set to {value:g}; set it to {high:g} or less")
 
     @staticmethod
     def _decides_build(variable: Variable) -> bool:

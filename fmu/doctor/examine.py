@@ -21,7 +21,7 @@ from lcmchain.fmu.doctor.findings import Diagnosis, Level
 from lcmchain.fmu.doctor.host import examine_host, find_host, python_of
 from lcmchain.fmu.doctor.profiles import profiles_for
 from lcmchain.fmu.doctor.python import examine_library, examine_python, python_content
-from lcmchain.fmu.instances import UNIT_FILE, define
+from lcmchain.fmu.instances import UNIT_FILE, define, require_own_description
 
 # What a unit says it needs from outside: FMI 2.0.2 (2.2.1), FMI 3.0 (2.5.1).
 _EXTERNAL = ("externalDependencies.txt", "externalDependencies.html")
@@ -90,6 +90,7 @@ def _examine_own(diagnosis: Diagnosis, description: Description, resources: Path
         definition, _ = define(unit, resources)
         if definition.guid != unit["guid"]:
             raise ValueError("its variables are not those of its identifier")
+        require_own_description(resources.parent / "modelDescription.xml", definition)
     except (LcmchainError, OSError, ValueError, KeyError, TypeError) as error:
         diagnosis.add(
             Level.MISSING, "resources", f"they are missing or damaged ({error})",

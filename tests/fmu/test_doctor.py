@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -132,6 +133,19 @@ def test_own_unit_with_damaged_resources_cannot_run(unit, tmp_path, file, conten
                 new.writestr(name, content)
     (missing,) = told(examine(other), Level.MISSING)
     assert missing.subject == "resources" and missing.remedy == "build the unit again"
+
+
+def test_own_unit_with_the_identifier_of_another_cannot_run(unit, tmp_path):
+    """Masters hand on the identifier of the description, which the unit compares at its start."""
+    other = tmp_path / "other.fmu"
+    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(other, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                content = re.sub(rb'guid="[^"]*"', b'guid="changed"', content)
+            new.writestr(name, content)
+    (missing,) = told(examine(other), Level.MISSING)
+    assert missing.subject == "resources" and "another unit (changed instead" in missing.text
 
 
 # --- units of others ------------------------------------------------------------------------------

@@ -89,6 +89,20 @@ def test_a_description_of_another_unit_is_told(folders, tmp_path, capfd):
     assert "one: " in capfd.readouterr().err
 
 
+def test_a_number_below_its_limit_is_refused_with_what_to_set(folders):
+    said = []
+    unit = open_unit(
+        f"{folders[2, 5]}/resources", "one", lambda *told: said.append(told), arrays=False
+    )
+    names = [v.name for v in unit.definition.variables]
+    reference = [int(unit.layout.slots["threads"].start)]
+    assert names[unit.layout.of_slot[reference[0]]] == "threads"
+    assert unit.set_numbers(reference, [-5], Kind.INTEGER) is Status.ERROR
+    assert said[-1][-1] == "one: threads was set to -5; set it to 0 or more"
+    assert unit.get_numbers(reference, Kind.INTEGER) == [0.0]
+    assert unit.set_numbers(reference, [1], Kind.INTEGER) is Status.OK
+
+
 @pytest.mark.parametrize("damage", ["absent", "no JSON", "another part"])
 def test_resources_that_are_none_are_told(folders, tmp_path, damage):
     shutil.copytree(folders[2, 5], tmp_path / "unit")
