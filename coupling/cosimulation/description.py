@@ -49,6 +49,8 @@ MEMORY = {
 REALS = ("Real", "Float64", "Float32")
 TEXT = "String"
 TRUTHS = ("Boolean", "Boolean2")
+#: Types of FMI 2 that have the name of another one of FMI 3; an Int32 ends in 2 as well.
+OF_FMI2 = ("Boolean2", "Enumeration2")
 #: Causality of the parameters that hold the sizes of arrays (FMI 3.0).
 STRUCTURAL = "structuralParameter"
 #: Types whose values are not exchanged.
@@ -108,7 +110,8 @@ class Variable:
 
     @property
     def type_name(self) -> str:
-        return self.kind.removesuffix("2")
+        """Name of its type in the standard."""
+        return self.kind.removesuffix("2") if self.kind in OF_FMI2 else self.kind
 
     @property
     def unit_text(self) -> str:

@@ -160,6 +160,20 @@ def test_clocks_and_binary_variables_are_told(tmp_path):
     assert any("binary variables (blob) are left out" in r for r in remarks)
 
 
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_types_are_told_by_their_names_in_the_standard(version, tmp_path):
+    kinds = ["Float32", "Int32", "UInt32", "Int64", "Boolean"]
+    variables = "".join(f'<{k} name="{k}" valueReference="{n}"/>' for n, k in enumerate(kinds))
+    if version == "2.0":
+        kinds = ["Real", "Integer", "Boolean", "String"]
+        variables = "".join(scalar(kind, n, kind) for n, kind in enumerate(kinds))
+    text = model_description(variables, fmiVersion=version)
+    if version == "3.0":
+        text = text.replace("guid", "instantiationToken")
+    description = read_text(text, tmp_path)
+    assert [description.variables[kind].type_name for kind in kinds] == kinds
+
+
 @pytest.mark.parametrize("version", ["3.0-beta.2", "2.0-RC1", "3.0-alpha"])
 def test_drafts_of_the_standard_are_refused(version, tmp_path):
     with pytest.raises(InputError, match=f'is of FMI "{version}", a draft'):
