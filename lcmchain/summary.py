@@ -126,6 +126,7 @@ def run_summary(
             scene,
             [snapshot.time for snapshot in snapshots],
             [snapshot.energy["external"] for snapshot in snapshots],
+            [snapshot.energy["internal"] for snapshot in snapshots],
         )
     ]
     measures = quasi_static_measures(
@@ -179,26 +180,29 @@ def run_summary(
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
 
 
-#: Part of the largest external work below which tools have opened, and forming has ended before.
-LEAST_WORK_LEFT = 0.5
+#: Part of the largest stored energy that tools which open take back: forming has ended before.
+TAKEN_BACK = 0.5
 
 
-def _formed_frame(scene: Scene, times: Sequence[float], work: Sequence[float]) -> int:
+def _formed_frame(
+    scene: Scene, times: Sequence[float], work: Sequence[float], stored: Sequence[float]
+) -> int:
     """Return the number of the frame in which forming has ended.
 
     Stages at the end in which the sheet comes to rest take all vibrations out of it, and with them
-    what it has stored: none of that is in the forces that formed it. Tools that open take most of
-    their work back: what damping has taken is no part of the rest, and their way back no stroke.
+    what it has stored: none of that is in the forces that formed it. Tools that open take their
+    work back: what damping has taken is no part of the rest, and their way back no stroke.
 
-    times [s], work [J] : of the frames, the work being that of all that acts from outside.
+    times [s], work, stored [J] : of the frames; work of all that acts from outside, and energy that
+        the sheets have stored.
     """
     ends = list(accumulate(stage.time for stage in scene.stages))
     formed = [end for end, stage in zip(ends, scene.stages, strict=True) if not stage.rest]
     last = formed[-1] if formed else math.inf
     frame = max(sum(time <= last * (1.0 + 1e-9) for time in times), 1) - 1
-    done = np.abs(work[: frame + 1])
-    if done[frame] < LEAST_WORK_LEFT * done.max():
-        return int(np.argmax(done))
+    most = int(np.argmax(work[: frame + 1]))
+    if work[most] - work[frame] > TAKEN_BACK * max(stored[: frame + 1]):
+        return most
     return frame
 
 
