@@ -121,7 +121,14 @@ def run_summary(
     needed = process_time_needed(model)
     idle = idle_energy(model)
     touched = TOUCHED_PART if scene.time_is_found else 0.0
-    formed = snapshots[_before_release(scene, [snapshot.time for snapshot in snapshots])]
+    formed = snapshots[
+        _formed_frame(
+            scene,
+            [snapshot.time for snapshot in snapshots],
+            [snapshot.energy["external"] for snapshot in snapshots],
+            [snapshot.energy["internal"] for snapshot in snapshots],
+        )
+    ]
     measures = quasi_static_measures(
         history, formed.energy, punch, idle, touched, until=formed.time
     )
@@ -173,16 +180,30 @@ def run_summary(
     return summary | {"warnings": list(dict.fromkeys(in_own_words)), "mapping": {}}
 
 
-def _before_release(scene: Scene, times: Sequence[float]) -> int:
-    """Return the number of the frame in which forming has ended: the last one without a release.
+#: Part of the largest stored energy that tools which open take back: forming has ended before.
+TAKEN_BACK = 0.5
+
+
+def _formed_frame(
+    scene: Scene, times: Sequence[float], work: Sequence[float], stored: Sequence[float]
+) -> int:
+    """Return the number of the frame in which forming has ended.
 
     Stages at the end in which the sheet comes to rest take all vibrations out of it, and with them
-    what it has stored: none of that is in the forces that formed it.
+    what it has stored: none of that is in the forces that formed it. Tools that open take their
+    work back: what damping has taken is no part of the rest, and their way back no stroke.
+
+    times [s], work, stored [J] : of the frames; work of all that acts from outside, and energy that
+        the sheets have stored.
     """
     ends = list(accumulate(stage.time for stage in scene.stages))
     formed = [end for end, stage in zip(ends, scene.stages, strict=True) if not stage.rest]
     last = formed[-1] if formed else math.inf
-    return max(sum(time <= last * (1.0 + 1e-9) for time in times), 1) - 1
+    frame = max(sum(time <= last * (1.0 + 1e-9) for time in times), 1) - 1
+    most = int(np.argmax(work[: frame + 1]))
+    if work[most] - work[frame] > TAKEN_BACK * max(stored[: frame + 1]):
+        return most
+    return frame
 
 
 def _field_warnings(datasets: Mapping[str, xr.Dataset], model: Model) -> list[str]:

@@ -322,18 +322,38 @@ class NotConverged(SimulationError):
 
     Parameters
     ----------
-    message : in words.
+    finding : what does not agree, where and by how much, in words.
+    remedies : what helps, in words.
     exchange : name of the exchange that is worst.
     value : number of its worst value on the target's mesh.
     residual, limit : reached and allowed, in the field's unit.
     """
 
     def __init__(
-        self, message: str, *, exchange: str, value: int, residual: float, limit: float
+        self,
+        finding: str,
+        remedies: str,
+        *,
+        exchange: str,
+        value: int,
+        residual: float,
+        limit: float,
     ) -> None:
+        self.finding = finding
         self.exchange, self.value = exchange, value
         self.residual, self.limit = residual, limit
-        super().__init__(message)
+        super().__init__(f"{finding} {remedies}")
+
+    def with_remedies(self, remedies: str) -> NotConverged:
+        """Return the same error with the remedies of one that knows which parts are coupled."""
+        return NotConverged(
+            self.finding,
+            remedies,
+            exchange=self.exchange,
+            value=self.value,
+            residual=self.residual,
+            limit=self.limit,
+        )
 
 
 class NotSettled(SimulationError):
@@ -376,18 +396,19 @@ def not_converged(
     others = [sweep.exchanges[i].name for i in failing[1:]]
     also = f" Also not converged: {', '.join(others)}." if others else ""
     diverged = "did not converge" if iterations == most_iterations else "diverged"
-    message = (
+    finding = (
         f"the coupling {diverged} ({scheme}) in {iterations} iterations of the window of "
         f"{size:g} s from {time:g} s: {exchange.name} still changes by {judgement.residual:.3g} "
         f"where {judgement.limit:.3g} is allowed ({excess(worst):.3g} times), most at value "
-        f"{judgement.worst}{position} by {judgement.worst_residual:.3g}.{also} Likely cause: the "
-        "parts answer to each other more strongly than the scheme can follow. Remedies: IQN-ILS in "
-        "place of a relaxation, the fixed-stress split between solid and fluid, more iterations; "
-        "smaller windows (WindowControl(smallest=...)) where the fields answer to each other the "
-        "less the shorter a window is, which the pressure of an incompressible fluid does not"
+        f"{judgement.worst}{position} by {judgement.worst_residual:.3g}.{also}"
     )
     return NotConverged(
-        message,
+        finding,
+        "Likely cause: the parts answer to each other more strongly than the scheme can follow. "
+        "Remedies: IQN-ILS in place of a relaxation, the fixed-stress split between solid and "
+        "fluid, more iterations; smaller windows (WindowControl(smallest=...)) where the fields "
+        "answer to each other the less the shorter a window is, which the pressure of an "
+        "incompressible fluid does not",
         exchange=exchange.name,
         value=judgement.worst,
         residual=judgement.residual,

@@ -60,26 +60,29 @@ def tool_loads(simulation: Simulation) -> dict[str, ToolLoad]:
 def _contact_normals(
     simulation: Simulation, tool: int, position: np.ndarray, travel: float
 ) -> np.ndarray:
-    """Return the tool's normals at the nodes that it touches (3, node_count), 0 at the others."""
-    model = simulation.model
+    """Return the tool's normals at the nodes that it touches (3, node_count), 0 at the others.
+
+    Where depths are driven to zero a node may be pressed from just outside the tool: its spring
+    feels the offset as further depth.
+    """
+    model, state = simulation.model, simulation.state
     normal = np.zeros_like(position)
-    overlap = model.tools.initial_overlap[tool]
-    _normals(
-        model.tools, tool, position, model.nodes.offset - overlap, travel,
-        simulation.state.contact_force, normal,
-    )  # fmt: skip
+    reach = model.nodes.offset - model.tools.initial_overlap[tool]
+    if model.environment.depth_time is not None:
+        reach = reach + state.depth_offset[tool]
+    _normals(model.tools, tool, position, reach, travel, state.contact_force, normal)
     return normal
 
 
 @routine
-def _normals(tools, tool, position, offset, travel, contact_force, normal):
+def _normals(tools, tool, position, reach, travel, contact_force, normal):
     for node in range(position.shape[1]):
         if contact_force[node] == 0.0:
             continue
         gap, nx, ny, nz = signed_distance(
             tools, tool, position[0, node], position[1, node], position[2, node], travel
         )
-        if gap < offset[node]:
+        if gap < reach[node]:
             normal[0, node] = nx
             normal[1, node] = ny
             normal[2, node] = nz

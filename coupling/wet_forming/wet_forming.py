@@ -21,6 +21,7 @@ from lcmchain.coupling.iteration import (
     CoupledSystem,
     Exchange,
     History,
+    NotConverged,
     Tolerance,
     WindowControl,
     fixed_stress_exchanges,
@@ -64,6 +65,25 @@ NO_PRESSURE = 10.0
 STANDING_CLOCK = 1e-9
 #: Relative difference between the clocks of sheet and resin that is rounding.
 ROUNDING = 1e-9
+
+
+def _remedies(case: Infiltration) -> str:
+    """Say what keeps the windows of sheet and resin together, by the entries of a scene."""
+    gates = [gate.name for gate in case.gates if gate.pressure is not None]
+    film = case.film is not None
+    remedies = [
+        *(["a film with less infiltration.film.pressure"] if film else []),
+        *(
+            [f"a pressure of the gate {' or '.join(gates)} that grows, as "
+             'pressure = "0 3 bar" with times = "0 60 s"'] if gates else []
+        ),
+        "a longer time of forming for the same time of the resin",
+        "a larger infiltration.with_forming.tolerance",
+    ]  # fmt: skip
+    return (
+        "Likely cause: the pressure of the resin changes faster than the sheet can follow, or "
+        f"lifts plies that no tool holds. Remedies: {', '.join(remedies[:-1])}, or {remedies[-1]}"
+    )
 
 
 class WetForming:
@@ -154,7 +174,10 @@ class WetForming:
             if stage.flows:
                 if self._now == stage.start:
                     self._resin.go_on_at(stage.pace, stage.start)
-                self._system.advance_to(until, after_window)
+                try:
+                    self._system.advance_to(until, after_window)
+                except NotConverged as error:
+                    raise error.with_remedies(_remedies(self.case)) from error
             else:
                 self.forming.drain()
                 self.simulation.advance_to(until, on_window)

@@ -78,7 +78,8 @@ def machine_speed(model: Model) -> Speed:
     if model.ply_contact is not None:
         per_step += model.node_count * ASSUMED_BETWEEN_PLIES
     per_step *= 1.0 - SHARED + SHARED / threads
-    return Speed(per_step / model.element_count, "assumed")
+    source = "assumed" if model.pore is None else "assumed, without the flow of the resin"
+    return Speed(per_step / model.element_count, source)
 
 
 def record_speed(model: Model, threads: int, step_count: int, wall_s: float) -> None:
@@ -109,6 +110,8 @@ def speed_key(model: Model, threads: int) -> str:
     kernels = ", ".join(sorted({body.kernel for body in model.bodies}))
     if model.ply_contact is not None:
         kernels += " in contact"
+    if model.pore is not None:
+        kernels += " with resin"  # whose flow is computed in every window, and windows again
     size = 4 ** round(math.log(model.element_count, 4))
     return f"{machine}, {threads} threads, {kernels}, about {size} elements"
 

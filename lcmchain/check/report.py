@@ -280,7 +280,7 @@ def check_scene(scene: Scene, out: Path | None = None) -> CheckReport | DrapingR
         with warnings.catch_warnings(record=True) as tool_warnings:
             warnings.simplefilter("always")
             if scene.element.has_forces:
-                model = build_model(scene)
+                model = build_model(scene, pore_pressure=scene.wet_forming is not None)
             else:
                 tools = _tools(scene, blanks[0])
         if model is not None:

@@ -162,7 +162,7 @@ def tool_loads(history: xr.Dataset, sheet: xr.Dataset) -> dict[str, dict]:
                     "force_quoted_N": quoted,
                     "force_quoted_uncertainty_N": force_uncertainty(parts, left),
                 }
-            last = _end_of_stroke(travel[:, tool])
+            last = _end_of_stroke(travel[:, tool], work[:, tool])
             loads[name]["parts_over_stroke"] = force_parts(history, tool, -1, last)
             if of_tool := snaps(history, tool):
                 loads[name]["snaps"] = of_tool
@@ -393,13 +393,17 @@ def _around(travel: np.ndarray, sample: int) -> tuple[int, int]:
     return first, last
 
 
-def _end_of_stroke(travel: np.ndarray) -> int:
+def _end_of_stroke(travel: np.ndarray, work: np.ndarray) -> int:
     """Return the sample at which the stroke of a tool ends: the farthest one where it comes back.
 
     What the way back gives off is not the force of the stroke, and the travel between the ends of
-    both would tend to zero.
+    both would tend to zero. A tool may open farther than it has closed: of the farthest places on
+    either side of its start the stroke ends at that to which it has done more work.
     """
-    far = np.abs(travel)
+    far = travel * np.sign(travel[np.argmax(np.abs(travel))])
+    opened = far.min() < -LEAST_TRAVEL * far.max()
+    if opened and work[np.argmin(far)] > work[np.argmax(far)]:
+        far = -far
     back = far[-1] < (1.0 - WINDOW) * far.max()
     return int(np.argmax(far)) if back else len(travel) - 1
 

@@ -194,11 +194,11 @@ def quasi_static_measures(
     Parameters
     ----------
     history : of the result; without histories the kinetic energy is left out.
-    energy : of the frame that is judged [J], the last one without a release.
+    energy : of the frame that is judged [J], the last one without a release or opened tools.
     punch : tool whose travel is the stroke, None for a scene without tools.
     idle : :func:`idle_energy`; the kinetic energy is compared with nothing smaller.
     touched_part : of the largest internal energy, which the kinetic one is compared with at least.
-    until : time of that frame [s].
+    until : time of that frame [s]; what comes after it is not judged.
     """
     external, internal = abs(energy["external"]), energy["internal"]
     measures = {
@@ -206,8 +206,9 @@ def quasi_static_measures(
         "hourglass_to_internal": energy["hourglass"] / internal if internal > 0.0 else 0.0,
     }
     if has_histories(history):
-        past = int((history["history_time"].values <= until * (1.0 + 1e-9)).sum())
-        mass_damping = float(history["history_energy_mass_damping"].values[max(past, 1) - 1])
+        past = max(int((history["history_time"].values <= until * (1.0 + 1e-9)).sum()), 1)
+        history = history.isel(history_time=slice(past))
+        mass_damping = float(history["history_energy_mass_damping"].values[-1])
         measures |= {
             "mass_damping_to_external": mass_damping / external if external else 0.0,
             "kinetic_to_internal_over_tenth_of_stroke": exceeded_over(

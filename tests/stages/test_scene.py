@@ -22,7 +22,7 @@ from lcmchain.scene.stages import stage_at
 from lcmchain.solver.remedies import slower_loads
 from lcmchain.state import State
 from lcmchain.study.sources import SceneText, Variant
-from lcmchain.summary import _before_release
+from lcmchain.summary import _formed_frame
 
 SCENE = """
 process = { frames = 13 }
@@ -242,8 +242,21 @@ def test_damping_is_judged_where_forming_ends(rests, frame):
     staged = scene()
     stages = [s.model_copy(update={"rest": rest}) for s, rest in zip(staged.stages, rests)]
     staged = staged.model_copy(update={"stages": tuple(stages)})
-    assert _before_release(staged, np.linspace(0.0, 12e-3, 13).tolist()) == frame
-    assert _before_release(scene_from_text(UNSTAGED), [0.0, 1.0, 2.0]) == 2
+    assert (
+        _formed_frame(staged, np.linspace(0.0, 12e-3, 13).tolist(), 13 * [1.0], 13 * [1.0]) == frame
+    )
+    assert (
+        _formed_frame(scene_from_text(UNSTAGED), [0.0, 1.0, 2.0], [0.0, 1.0, 0.6], [0.0, 0.9, 0.1])
+        == 2
+    )
+
+
+def test_damping_and_inertia_are_judged_before_tools_open():
+    """The sheet gives its work back to tools that open: what is left of it judges nothing."""
+    unstaged, stored = scene_from_text(UNSTAGED), [*range(8), 7.0, 7.0, 3.0, 1.0, 0.0]
+    times = np.linspace(0.0, 12e-3, 13).tolist()
+    assert _formed_frame(unstaged, times, [*range(10), 6.0, 5.0, 5.0], stored) == 9
+    assert _formed_frame(unstaged, times, [*range(10), 8.0, 7.0, 6.0], stored) == 12
 
 
 def test_a_study_leaves_the_borders_of_stages_as_frames():

@@ -136,6 +136,8 @@ def test_speed_is_that_of_the_fastest_of_the_last_runs_here(monkeypatch, tmp_pat
     assert expected_cost.machine_speed(model) == found
     triangles = model_of(PLATES, "element=membrane-shell")
     assert expected_cost.machine_speed(triangles).source == "assumed"
+    with_resin = build_model(scene_from_text(PLATES), pore_pressure=True)
+    assert expected_cost.machine_speed(with_resin).source.startswith("assumed, without the flow")
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", '{"x": 1}', "{", json.dumps({"a": [1e9, "b"]})])

@@ -13,6 +13,7 @@ from lcmchain.fields.loads import (
     TAKEN_UP,
     SmoothCourse,
     _around,
+    _end_of_stroke,
     exceeded_over,
     figure_to_quote,
     force_parts,
@@ -290,6 +291,17 @@ def test_the_force_over_the_stroke_ends_where_a_tool_begins_to_come_back(history
     back["history_tool_travel"].values[: turn + 1, 0] = np.linspace(1e-4, 2e-3, turn + 1)
     parts = tool_loads(back, datasets[SHEET])["punch"]["parts_over_stroke"]
     assert parts == force_parts(back, 0, -1, turn)
+
+
+def test_the_stroke_of_a_tool_that_opens_farther_than_it_closed_ends_where_it_pressed():
+    travel = np.array([0.1, 0.2, 0.3, 0.2, -0.1, -0.7])
+    work = np.array([1.0, 4.0, 9.0, 5.0, 0.1, 0.1])
+    for sign in (1.0, -1.0):
+        assert _end_of_stroke(sign * travel, work) == 2
+        # a tool that opens first, and then does its work
+        assert _end_of_stroke(sign * np.array([-0.1, -0.2, 0.5, 1.0]), work[[4, 4, 0, 2]]) == 3
+    # the way back of one that never goes behind its start is no stroke, whatever work it does
+    assert _end_of_stroke(np.array([0.5, 1.0, 0.5, 0.0]), np.arange(4.0)) == 1
 
 
 def test_parts_of_the_force_add_up_to_it(history, datasets):

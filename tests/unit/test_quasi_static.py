@@ -59,6 +59,14 @@ def test_what_a_release_stops_is_no_damping_of_the_process():
         assert measures["mass_damping_to_external"] == pytest.approx(part)
 
 
+def test_the_way_back_of_a_tool_is_no_part_of_the_stroke():
+    energy = {"damping": 0.0, "external": 1.0, "hourglass": 0.0, "internal": 1.0}
+    opened = history([0.01, 0.01, 0.01, 0.01, 0.01, 9.0, 9.0, 9.0, 9.0, 9.0])
+    name = "kinetic_to_internal_over_tenth_of_stroke"
+    assert quasi_static_measures(opened, energy, 0, until=5.0)[name] == 0.01
+    assert quasi_static_measures(opened, energy, 0)[name] == 9.0
+
+
 def test_shear_waves_of_an_isotropic_sheet_run_as_in_closed_form():
     speeds = shear_wave_speeds(scene(material=STEEL).material.build())
     assert speeds == pytest.approx([math.sqrt(0.4e6 / 2000.0)] * 2, rel=1e-12)

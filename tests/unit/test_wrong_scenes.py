@@ -1,10 +1,12 @@
 """Wrong scenes: each gives one clear message that names the key, exit code 2, and no output."""
 
+import os
+
 import pytest
 
 from lcmchain.cli import main
 from lcmchain.errors import InputError
-from lcmchain.scene import read_scene
+from lcmchain.scene import read_scene, scene_from_text
 from lcmchain.scene.reading.single_tables import read_structure
 
 SCENE = """
@@ -190,6 +192,9 @@ WRONG = {
     ),
     "table as a text": (
         'material = "MD600"\n' + replaced((PRESET, "")), "material", "must be a table"
+    ),
+    "entry of a list that is no table": (
+        'tools = ["none"]\n' + SCENE.split("[[tools]]")[0], "tools[0]", "write it as [[tools]]"
     ),
     "no TOML": (edge("5 mm"), "scene.toml", "values with units stand in quotes"),
     "no TOML at all": (SCENE + "\n[blank\n", "scene.toml", "at line"),
@@ -534,6 +539,19 @@ def test_touching_within_the_tolerance_is_no_overlap(folder):
         else:
             gap = require_no_initial_overlap(scene, table, [blank])[0].gap
             assert gap == pytest.approx(1.004e-3 * shift, abs=1e-9)
+
+
+def test_files_of_a_scene_that_comes_through_a_pipe_lie_in_the_current_folder(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    pipe = tmp_path / "elsewhere" / "pipe"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    assert scene_from_text(SCENE, pipe).source.directory == tmp_path
+    assert scene_from_text(SCENE, pipe.with_name("s.toml")).source.directory == pipe.parent
+    with pytest.raises(InputError, match="/dev/stdin is the standard input"):
+        read_scene("-")
 
 
 @pytest.mark.parametrize(

@@ -425,6 +425,8 @@ def _message(
 
 
 def _wanted(location: tuple[str | int, ...], data: object) -> str:
+    if isinstance(location[-1], int) and len(location) > 1:
+        return f"write it as [[{location[-2]}]], or between braces"
     name = str(location[-1])
     if name == "resin" and len(models_of(annotation_at(location, data))) > 1:
         return f"for example {_FLOWING_RESIN}"  # it flows by one of several laws

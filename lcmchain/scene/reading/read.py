@@ -77,7 +77,8 @@ def read_text(path: Path) -> str:
         with open(path, "rb") as opened:
             content = opened.read(MOST_BYTES + 1)
     except FileNotFoundError:
-        raise InputError("there is no such scene file", file=path) from None
+        hint = "; /dev/stdin is the standard input" if str(path) == "-" else ""
+        raise InputError(f"there is no such scene file{hint}", file=path) from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path) from None
     if len(content) > MOST_BYTES:
@@ -85,6 +86,16 @@ def read_text(path: Path) -> str:
             f"holds more than {MOST_BYTES // 1_000_000} MB, which no scene file does", file=path
         )
     return decode_text(content, path)
+
+
+def _directory_of(path: Path | None) -> Path:
+    """Return the folder in which file names of a scene are looked up.
+
+    A scene that comes through a pipe, as /dev/stdin or <(...) of a shell, lies in no folder.
+    """
+    if path is None or path.is_fifo() or path.is_char_device():
+        return Path.cwd()
+    return path.resolve().parent
 
 
 def scene_from_text(
@@ -96,7 +107,7 @@ def scene_from_text(
     ----------
     text : TOML.
     path : the file that it came from; its folder is where file names in the scene are looked up
-        (the current folder where None).
+        (the current folder where None, or a pipe).
     overrides : as in :func:`read_scene`.
 
     Raises
@@ -104,7 +115,7 @@ def scene_from_text(
     InputError : as in :func:`read_scene`.
     """
     path = None if path is None else Path(path)
-    directory = Path.cwd() if path is None else path.resolve().parent
+    directory = _directory_of(path)
     data = parse_toml(text, path)
     require_within_limits(data, path)
     overrides = (overrides,) if isinstance(overrides, str) and overrides else overrides

@@ -57,3 +57,22 @@ def test_fibres_fluid_and_friction_are_the_force_on_the_tool():
         stretch = body.condition(state.position, history).thickness_stretch
         law = body.material.compaction_pressure
         assert sign * load.fibres[2] == pytest.approx(law(stretch).mean() * area, rel=0.02)
+
+
+def test_nodes_pressed_by_the_offset_of_their_depth_alone_are_in_contact():
+    """Depths are driven to zero here; while plates open nodes lie just outside of them."""
+    text = SCENE.replace(
+        'distance = "0.2 mm" }', 'times = "0 3 5 ms", travel = "0 0.2 0.1 mm" }'
+    ).replace('"stroke", direction', '"table", direction')
+    part = ExplicitForming.from_scene(scene_from_text(text))
+    part.advance(4e-3)
+    model, state = part.simulation.model, part.simulation.state
+    assert model.environment.depth_time is not None
+    load = tool_loads(part.simulation)["plate"]
+    position = state.position - state.last_step * state.velocity
+    travel = state.tool_travel[1] - state.last_step * state.tool_velocity[1]
+    gap = 0.502e-3 - travel - position[2]
+    assert (state.contact_force[gap > 0.0] > 0.0).any()
+    assert load.total[2] > 1.0
+    assert abs(load.friction[2]) < 1e-12 * load.total[2]
+    assert load.fibres[2] == pytest.approx(load.total[2], rel=0.02)

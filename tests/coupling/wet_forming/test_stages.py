@@ -11,6 +11,7 @@ import xarray as xr
 from strips import PERMEABILITY, VISCOSITY, between_plates, bleeding_at_both_ends, wet
 
 from lcmchain import run
+from lcmchain.coupling.iteration import NotConverged
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.scene import scene_from_text
 from lcmchain.scene.resin_stages import resin_stages
@@ -170,6 +171,20 @@ def test_a_sheet_that_is_pressed_in_a_stage_at_rest_is_an_error():
     part = wet(STRIP.replace('["close", "hold"]', '["close", "hold", "release"]') + SQUEEZED)
     with pytest.raises(SimulationError, match="in the stage hold.*more resin.*mass_damping"):
         part.advance_to(5 * MS)
+
+
+def test_sheet_and_resin_that_do_not_agree_name_entries_of_the_scene(monkeypatch):
+    part = wet(STRIP + GATE.replace('"hold", "lie"', '"close"') + STAGES)
+
+    def disagree(*_):
+        raise NotConverged("they differ.", "IQN-ILS", exchange="", value=0, residual=1.0, limit=0.1)
+
+    monkeypatch.setattr(part._system, "advance_to", disagree)
+    with pytest.raises(NotConverged) as caught:
+        part.advance_to(5 * MS)
+    said = str(caught.value)
+    assert said.startswith("they differ. Likely cause") and "IQN-ILS" not in said
+    assert "the gate hose that grows" in said and "infiltration.with_forming.tolerance" in said
 
 
 def test_a_run_that_is_killed_in_each_stage_resumes_to_the_same_bits(tmp_path):
