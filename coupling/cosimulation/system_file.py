@@ -32,7 +32,13 @@ from lcmchain.quantities.entry_types import (
 )
 from lcmchain.scene.reading.explain import MOST_PROBLEMS, documents_of, problems_of
 from lcmchain.scene.reading.overrides import TomlTable, apply_overrides
-from lcmchain.scene.reading.read import input_error, parse_toml, read_text, require_within_limits
+from lcmchain.scene.reading.read import (
+    directory_of,
+    input_error,
+    parse_toml,
+    read_text,
+    require_within_limits,
+)
 
 #: Group of the convergence in the record; no unit may have this name.
 CONVERGENCE_GROUP = "coupling"
@@ -382,6 +388,6 @@ def system_from(
         unexplained = max(error.error_count() - MOST_PROBLEMS, 0)
         raise input_error(problems, path, unexplained=unexplained) from None
     if directory is None:
-        directory = Path.cwd() if path is None else path.resolve().parent
+        directory = directory_of(path)
     system._directory, system._source = directory, text
     return system

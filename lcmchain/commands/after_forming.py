@@ -349,6 +349,7 @@ def _fill_file(
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill a forming result or a mapped file with the case of a file."""
     from lcmchain.scene import read_infiltration
+    from lcmchain.scene.reading.read import directory_of
 
     if case is None:
         raise InputError(
@@ -360,7 +361,7 @@ def _fill_file(
         raise InputError("there is no such mesh file", file=mesh)
     _require_file_name(name)
     the_case = read_infiltration(case, overrides)
-    options = replace(options, directory=case.resolve().parent)
+    options = replace(options, directory=directory_of(case))
     with output_folder(out or Path("results") / name, inputs=[source, case, mesh]) as folder:
         from lcmchain.coupling.infiltration.stage import map_and_fill
 

@@ -178,6 +178,7 @@ def precice(
     if case is None:
         raise InputError("is missing: name the file of a participant, or use --example", key="CASE")
     from lcmchain.coupling.precice_adapter.case import read_case
+    from lcmchain.scene.reading.read import directory_of
 
     the_case = read_case(case)
     with output_folder(out or Path("results") / case.stem, inputs=[case]) as folder:
@@ -185,7 +186,7 @@ def precice(
 
         with progress_bar(quiet=quiet) as progress:
             steps, files = run_participant(
-                the_case, case.resolve().parent, folder,
+                the_case, directory_of(case), folder,
                 tell=lambda share, text: progress(min(share, 1.0), 1.0, text),
             )  # fmt: skip
     if not quiet:

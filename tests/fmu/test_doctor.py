@@ -106,15 +106,23 @@ def test_host_that_is_a_python_script_is_asked_for_its_own_python(unit, bare_pyt
     assert str(bare_python.parents[1]) in missing.text
 
 
-def test_unit_of_another_version_is_a_warning(unit, tmp_path):
-    other = tmp_path / "other.fmu"
+def changed(unit, other, name, change):
+    """Write a unit of which one file is what ``change`` makes of it, and left out for None."""
     with zipfile.ZipFile(unit) as old, zipfile.ZipFile(other, "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "resources/unit.json":
-                content = json.dumps(json.loads(content) | {"lcmchain_version": "0.0.1"}).encode()
-            new.writestr(name, content)
-    diagnosis = examine(other)
+        for entry in old.namelist():
+            content = old.read(entry)
+            if entry == name:
+                content = change(content)
+            if content is not None:
+                new.writestr(entry, content)
+    return other
+
+
+def test_unit_of_another_version_is_a_warning(unit, tmp_path):
+    def older(content):
+        return json.dumps(json.loads(content) | {"lcmchain_version": "0.0.1"}).encode()
+
+    diagnosis = examine(changed(unit, tmp_path / "other.fmu", "resources/unit.json", older))
     (warning,) = told(diagnosis, Level.WARNING)
     assert "built with lcmchain 0.0.1" in warning.text and diagnosis.runs
 
@@ -124,26 +132,18 @@ def test_unit_of_another_version_is_a_warning(unit, tmp_path):
     [("unit.json", b"{"), ("unit.json", None), ("scene/scene.toml", None), ("interface.nc", b"")],
 )
 def test_own_unit_with_damaged_resources_cannot_run(unit, tmp_path, file, content):
-    other = tmp_path / "other.fmu"
-    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(other, "w") as new:
-        for name in old.namelist():
-            if name != f"resources/{file}":
-                new.writestr(name, old.read(name))
-            elif content is not None:
-                new.writestr(name, content)
+    other = changed(unit, tmp_path / "other.fmu", f"resources/{file}", lambda _: content)
     (missing,) = told(examine(other), Level.MISSING)
     assert missing.subject == "resources" and missing.remedy == "build the unit again"
 
 
 def test_own_unit_with_the_identifier_of_another_cannot_run(unit, tmp_path):
     """Masters hand on the identifier of the description, which the unit compares at its start."""
-    other = tmp_path / "other.fmu"
-    with zipfile.ZipFile(unit) as old, zipfile.ZipFile(other, "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "modelDescription.xml":
-                content = re.sub(rb'guid="[^"]*"', b'guid="changed"', content)
-            new.writestr(name, content)
+
+    def renamed(content):
+        return re.sub(rb'guid="[^"]*"', b'guid="changed"', content)
+
+    other = changed(unit, tmp_path / "other.fmu", "modelDescription.xml", renamed)
     (missing,) = told(examine(other), Level.MISSING)
     assert missing.subject == "resources" and "another unit (changed instead" in missing.text
 

@@ -88,10 +88,10 @@ def read_text(path: Path) -> str:
     return decode_text(content, path)
 
 
-def _directory_of(path: Path | None) -> Path:
-    """Return the folder in which file names of a scene are looked up.
+def directory_of(path: Path | None) -> Path:
+    """Return the folder in which file names of a scene or case are looked up.
 
-    A scene that comes through a pipe, as /dev/stdin or <(...) of a shell, lies in no folder.
+    One that comes through a pipe, as /dev/stdin or <(...) of a shell, lies in no folder.
     """
     if path is None or path.is_fifo() or path.is_char_device():
         return Path.cwd()
@@ -115,7 +115,7 @@ def scene_from_text(
     InputError : as in :func:`read_scene`.
     """
     path = None if path is None else Path(path)
-    directory = _directory_of(path)
+    directory = directory_of(path)
     data = parse_toml(text, path)
     require_within_limits(data, path)
     overrides = (overrides,) if isinstance(overrides, str) and overrides else overrides

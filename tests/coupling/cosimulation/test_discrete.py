@@ -1,5 +1,6 @@
 """Switches, whole numbers and texts: when they arrive, and that they are not iterated."""
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,18 @@ def test_jumps_arrive_as_the_order_says(units, tmp_path, scheme, lead, versions)
     assert record["one"]["seen_word"].values[-1] == "after 3"
     assert record["one"]["seen_on"].values[1:].tolist() == [0, 1, 0, 1]
     assert record["one"]["seen_on"].attrs["flag_meanings"] == "false true"
+
+
+def test_units_of_a_system_that_comes_through_a_pipe_lie_in_the_current_folder(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    pipe = tmp_path / "elsewhere" / "pipe"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    assert system_from(system("jacobi"), pipe).directory == tmp_path
+    file = pipe.with_name("system.toml")
+    assert system_from(system("jacobi"), file).directory == file.parent
 
 
 def test_windows_that_are_repeated_do_not_count_twice(assembled, units):
