@@ -166,9 +166,9 @@ def sizes(model: Model) -> dict[str, int]:
         "ply chunk": 0 if plies is None else model.nodes.chunk_order.size,
         "ply list": 0 if plies is None else model.nodes.chunk_order.size + 1,
         "ply list entry": 0 if plies is None else 4 * model.node_count,
+        "ply list border": 0 if plies is None else 4 * model.node_count + 1,
         "ply row number": 0 if plies is None else span_count * plies.row_size,
         "ply span": 0 if plies is None else span_count,
-        "half a ply span": 0 if plies is None else 2 * span_count,
         "lowest and highest": 2,
         "corner": 4,
         "slope": SLOPES,
@@ -360,9 +360,9 @@ class State(_Arrays):
         "lcmchain.interfaces.rows",
     )
     ply_acts: np.ndarray = entry(
-        "half a ply span",
+        "ply span",
         unit="1",
-        meaning="whether a point of half a span is near enough to act",
+        meaning="whether a point of a span is near enough to act",
         dtype=np.uint8,
     )
     ply_slope: np.ndarray = entry(
@@ -562,26 +562,23 @@ class Scratch(_Arrays):
     ply_start: np.ndarray = entry(
         "ply list",
         unit="1",
-        meaning="where the points that press on a chunk begin in the lists",
+        meaning="where what points press on begins in the lists, chunk by chunk",
         dtype=np.int32,
     )
-    ply_half: np.ndarray = entry(
-        "ply list entry",
-        unit="1",
-        meaning="half of a span in which a point lies that presses on a node of the chunk",
-        dtype=np.int32,
+    ply_run_start: np.ndarray = entry(
+        "ply list", unit="1", meaning="first run of a chunk, each of one point", dtype=np.int32
     )
-    ply_following: np.ndarray = entry(
-        "ply list entry",
-        unit="1",
-        meaning="where the points of the next half of a span begin",
-        dtype=np.int32,
+    ply_run_point: np.ndarray = entry(
+        "ply list entry", unit="1", meaning="point of a run", dtype=np.int32
     )
-    ply_place: np.ndarray = entry(
-        "ply list entry",
-        unit="1",
-        meaning="where the force of the point begins in its rows",
-        dtype=np.int32,
+    ply_run_item: np.ndarray = entry(
+        "ply list border", unit="1", meaning="where a run begins in the lists", dtype=np.int32
+    )
+    ply_force: np.ndarray = entry(
+        "ply point", "xyz", unit="N", meaning="on points that are near enough to act"
+    )
+    ply_near: np.ndarray = entry(
+        "ply point", unit="1", meaning="whether a point is near enough to act", dtype=np.uint8
     )
     ply_node: np.ndarray = entry(
         "ply list entry", unit="1", meaning="node that it presses on", dtype=np.int32

@@ -7,8 +7,10 @@ potential. To it come the forces of the interface's laws (:mod:`lcmchain.interfa
 
 What a point has lies in rows of its span of 16 nodes: one loop over the nodes of a span, which
 compiles to vectors, makes their forces. A span none of whose points is near enough to act rests: of
-its points the gap alone is made. Each chunk of nodes then takes the forces of those points that act
-on it from a list, in the order of their numbers: bit-identical for any number of threads.
+its points the gap alone is made. Each chunk of nodes then takes the forces that act on it from a
+list of points, in the order of their numbers: bit-identical for any number of threads. A run of
+that list is what one point presses on in the chunk; of a point that is not near the run is left
+out.
 """
 
 from __future__ import annotations
@@ -17,9 +19,7 @@ import numpy as np
 from numba import prange
 
 from lcmchain.elements.blocks import (
-    NEXT_ROW,
     NODE_CHUNK,
-    SECOND_ROW,
     SPAN,
     SPANS_OF_CHUNK,
     put_vector,
@@ -30,7 +30,6 @@ from lcmchain.interfaces.rows import (
     AREA,
     DAMPED_ENERGY,
     FORCE,
-    HALF,
     HELD,
     INTERFACE,
     LAST_DAMPING,
@@ -62,9 +61,6 @@ from lcmchain.jit import (
     span_routine,
     standalone_routine,
 )
-
-# Halves of spans in a chunk of nodes.
-HALVES_OF_CHUNK = NODE_CHUNK // HALF
 
 # Rows of the scratch of a span: ways, and gaps without the depth held [m].
 GAP, WAY_ROWS = 3, 4
@@ -225,14 +221,14 @@ def forces_of_chunk(plies, arrays, chunk, dt_last, ways):
             continue
         count = min(SPAN, end - first)
         rows = arrays.ply_rows[span * data.row_size : (span + 1) * data.row_size]
-        halves = arrays.ply_acts[2 * span : 2 * span + 2]
         load_ways(arrays.position, arrays.ply_corner, first, count, rows, ways)
         near = find_gaps(rows, ways)
-        rested = not (halves[0] or halves[1])
-        halves[0], halves[1] = near % (1 << HALF) > 0, near >> HALF > 0
+        rested = not arrays.ply_acts[span]
+        arrays.ply_acts[span] = near > 0
         # the step in which points part still has to say what that took
         if near == 0 and rested:
             put_rows(ways, GAP, 1.0, rows, LAST_GAP, 1)
+            arrays.ply_near[first : first + count] = 0
             continue
         put_rows(ways, 0, 1.0, rows, WAY, 3)
         if rested or any_uses_sliding(laws):
@@ -246,12 +242,28 @@ def forces_of_chunk(plies, arrays, chunk, dt_last, ways):
         else:
             for i in range(count):
                 force_of_point(laws, rows, i, rate, dt_last)
+        hand_over_forces(arrays, rows, first, count, near)
         stored += row_sum(rows, STORED_ENERGY)
         lost += row_sum(rows, LOST_ENERGY)
         damped += row_sum(rows, DAMPED_ENERGY)
     arrays.ply_sums[chunk, STORED] = stored
     arrays.ply_sums[chunk, LOST] = lost
     arrays.ply_sums[chunk, DAMPED] = damped
+
+
+@span_part
+def hand_over_forces(arrays, rows, first, count, near):
+    """Write the forces on those points of a span that are near enough to act to where nodes look.
+
+    near : a bit for each point.
+    """
+    for i in range(count):
+        point, acts = first + i, near >> i & 1
+        arrays.ply_near[point] = acts
+        if acts:
+            force = vector_at(rows, FORCE, i)
+            for d in range(3):
+                arrays.ply_force[point, d] = force[d]
 
 
 @ordered_span_routine
@@ -261,10 +273,11 @@ def list_points(data, arrays):
     And for every point the corners of its facet, for every span the lowest and the highest number
     of the interfaces that its points are on; the lowest is above the highest where none is.
     """
-    start, facets, rows = arrays.ply_start, arrays.ply_facet, arrays.ply_rows
-    corner, interface = arrays.ply_corner, arrays.ply_interface
+    facets, rows, corner = arrays.ply_facet, arrays.ply_rows, arrays.ply_corner
+    start, run_start, interface = arrays.ply_start, arrays.ply_run_start, arrays.ply_interface
     interface[:, 0], interface[:, 1] = data.interface_count, NONE
-    start[:] = 0
+    arrays.ply_near[:] = 0
+    start[:], run_start[:] = 0, 0
     for point in range(facets.size):
         facet = facets[point]
         for k in range(4):
@@ -275,9 +288,12 @@ def list_points(data, arrays):
             interface[span, 0] = min(interface[span, 0], number)
             interface[span, 1] = max(interface[span, 1], number)
             for k in range(4):
-                start[data.lane[corner[point, k]] // NODE_CHUNK + 1] += 1
+                chunk = data.lane[corner[point, k]] // NODE_CHUNK
+                start[chunk + 1] += 1
+                run_start[chunk + 1] += begins_run(data, corner, point, k)
     for chunk in range(start.size - 1):
         start[chunk + 1] += start[chunk]
+        run_start[chunk + 1] += run_start[chunk]
     # filled up from its start, the list of a chunk ends where that of the next one begins
     for point in range(facets.size):
         if facets[point] >= 0:
@@ -287,18 +303,28 @@ def list_points(data, arrays):
                 chunk = data.lane[node] // NODE_CHUNK
                 item = start[chunk]
                 start[chunk] += 1
-                arrays.ply_half[item] = data.lane[point] // HALF
-                arrays.ply_place[item] = at + FORCE * SPAN
                 arrays.ply_node[item] = node
                 arrays.ply_weight[item] = rows[at + (WEIGHT + k) * SPAN]
+                if begins_run(data, corner, point, k):
+                    run = run_start[chunk]
+                    run_start[chunk] += 1
+                    arrays.ply_run_point[run] = point
+                    arrays.ply_run_item[run] = item
+    last = start.size - 2
+    arrays.ply_run_item[run_start[last]] = start[last]
     for chunk in range(start.size - 1, 0, -1):
-        start[chunk] = start[chunk - 1]
-    start[0] = 0
-    for chunk in range(start.size - 1):
-        end = start[chunk + 1]
-        for item in range(end - 1, start[chunk] - 1, -1):
-            goes_on = item + 1 < end and arrays.ply_half[item] == arrays.ply_half[item + 1]
-            arrays.ply_following[item] = arrays.ply_following[item + 1] if goes_on else item + 1
+        run_start[chunk] = run_start[chunk - 1]
+    run_start[0] = 0
+
+
+@equation
+def begins_run(data, corner, point, k):
+    """Tell whether no earlier corner of a point's facet lies in the chunk of its k-th one."""
+    chunk = data.lane[corner[point, k]] // NODE_CHUNK
+    for earlier in range(k):
+        if data.lane[corner[point, earlier]] // NODE_CHUNK == chunk:
+            return False
+    return True
 
 
 @standalone_routine
@@ -307,41 +333,37 @@ def add_ply_forces(plies, arrays, chunk, first, last):
 
     Return the energy of the springs of these points, and what sliding and damping took [J].
     """
-    add_own_forces(plies.data, arrays, chunk, first, last)
-    add_forces_on_facets(arrays, arrays.ply_start[chunk], arrays.ply_start[chunk + 1])
+    add_own_forces(arrays, first, last)
+    add_forces_on_facets(arrays, arrays.ply_run_start[chunk], arrays.ply_run_start[chunk + 1])
     sums = arrays.ply_sums[chunk]
     return sums[STORED], sums[LOST], sums[DAMPED]
 
 
 @span_part
-def add_own_forces(data, arrays, chunk, first, last):
+def add_own_forces(arrays, first, last):
     """Add the forces on the points of a chunk."""
-    rows = arrays.ply_rows
     force_x, force_y, force_z = arrays.force[0], arrays.force[1], arrays.force[2]
-    for half in range(chunk * HALVES_OF_CHUNK, (chunk + 1) * HALVES_OF_CHUNK):
-        if arrays.ply_acts[half]:
-            begin = first + (half - chunk * HALVES_OF_CHUNK) * HALF
-            at = half // 2 * data.row_size + half % 2 * HALF + FORCE * SPAN
-            for i in range(min(HALF, last - begin)):
-                node, place = np.uint64(begin + i), np.uint64(at + i)
-                force_x[node] += rows[place]
-                force_y[node] += rows[place + NEXT_ROW]
-                force_z[node] += rows[place + SECOND_ROW]
+    for node in range(first, last):
+        if arrays.ply_near[node]:
+            force_x[node] += arrays.ply_force[node, 0]
+            force_y[node] += arrays.ply_force[node, 1]
+            force_z[node] += arrays.ply_force[node, 2]
 
 
 @span_part
 def add_forces_on_facets(arrays, begin, end):
-    """Take the items of a list of points off the nodes that they press on."""
-    rows, weight = arrays.ply_rows, arrays.ply_weight
+    """Take the forces of points off the nodes that they press on, run by run."""
     force_x, force_y, force_z = arrays.force[0], arrays.force[1], arrays.force[2]
-    item = begin
-    while item < end:
-        following = arrays.ply_following[item]
-        if arrays.ply_acts[arrays.ply_half[item]]:
-            for k in range(item, following):
-                place, node = np.uint64(arrays.ply_place[k]), np.uint64(arrays.ply_node[k])
-                part = weight[k]
-                force_x[node] -= part * rows[place]
-                force_y[node] -= part * rows[place + NEXT_ROW]
-                force_z[node] -= part * rows[place + SECOND_ROW]
-        item = following
+    for run in range(begin, end):
+        point = np.uint64(arrays.ply_run_point[run])
+        if arrays.ply_near[point]:
+            force = (
+                arrays.ply_force[point, 0],
+                arrays.ply_force[point, 1],
+                arrays.ply_force[point, 2],
+            )
+            for item in range(arrays.ply_run_item[run], arrays.ply_run_item[run + 1]):
+                node, weight = np.uint64(arrays.ply_node[item]), arrays.ply_weight[item]
+                force_x[node] -= weight * force[0]
+                force_y[node] -= weight * force[1]
+                force_z[node] -= weight * force[2]

@@ -157,8 +157,7 @@ def refresh(data, laws, arrays, dt_last, dt):
     )  # fmt: skip
     list_points(data, arrays)
     for span in range(arrays.ply_interface.shape[0]):
-        faces = arrays.ply_interface[span, 0] <= arrays.ply_interface[span, 1]
-        arrays.ply_acts[2 * span], arrays.ply_acts[2 * span + 1] = faces, faces
+        arrays.ply_acts[span] = arrays.ply_interface[span, 0] <= arrays.ply_interface[span, 1]
 
     booked, steps, fastest, deepest = 0.0, float(MOST_STEPS), 0.0, 0.0
     approached = 0.0
@@ -433,8 +432,7 @@ def within_reach(rows, at, gap):
 @equation
 def rests(data, arrays, point):
     """Tell whether the span of a point rested in the last step."""
-    first = data.lane[point] // SPAN * 2
-    return not (arrays.ply_acts[first] or arrays.ply_acts[first + 1])
+    return not arrays.ply_acts[data.lane[point] // SPAN]
 
 
 @inlined_routine

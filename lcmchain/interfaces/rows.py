@@ -49,9 +49,6 @@ PATH = 36  # length of the way that it slid [m]
 START = 37  # along the facet when the spring was made [m]
 SPRING_ROWS = 40  # then the memory of the laws
 
-#: Points that rest or act together: those of half a span, which the widest vectors hold.
-HALF = SPAN // 2
-
 
 def row_count(laws: tuple[Any, ...]) -> int:
     """Return how many rows a span has with these laws."""

@@ -14,7 +14,7 @@ from lcmchain.interfaces import forces
 from lcmchain.interfaces.forces import add_ply_forces, forces_of_points, list_points
 from lcmchain.interfaces.refresh import refresh, renew_slopes
 from lcmchain.interfaces.rims import share_over
-from lcmchain.interfaces.rows import AREA, FORCE, HALF, HELD, REACH, SHARE, WAY, row_start
+from lcmchain.interfaces.rows import AREA, FORCE, HELD, REACH, SHARE, WAY
 from lcmchain.interfaces.springs import project, spring_at
 from lcmchain.interfaces.table import Interface
 
@@ -149,17 +149,16 @@ def test_points_stand_in_the_lists_of_the_chunks_that_they_press_on_in_order(sim
     facets = sim.state.ply_facet
     point = np.repeat(np.flatnonzero(facets >= 0), 4)
     node = data.facet_node[facets[facets >= 0]].ravel()
-    at = np.array([row_start(data, p) for p in point])
     for chunk, (first, last) in enumerate(pairwise(arrays.chunk_start.tolist())):
-        items = slice(*arrays.ply_start[chunk : chunk + 2])
         on = (node >= first) & (node < last)
-        half = data.lane[point[on]] // HALF
+        runs = slice(*arrays.ply_run_start[chunk : chunk + 2])
+        items = slice(*arrays.ply_run_item[[runs.start, runs.stop]])
         assert arrays.ply_node[items].tolist() == node[on].tolist()
-        assert arrays.ply_half[items].tolist() == half.tolist()
-        assert arrays.ply_place[items].tolist() == (at[on] + FORCE * SPAN).tolist()
-        # each leads to the first one of another half
-        following = np.searchsorted(half, half, side="right") + items.start
-        assert arrays.ply_following[items].tolist() == following.tolist()
+        # one run for all that a point presses on in a chunk
+        points, counts = np.unique(point[on], return_counts=True)
+        assert arrays.ply_run_point[runs].tolist() == points.tolist()
+        lengths = np.diff(arrays.ply_run_item[runs.start : runs.stop + 1])
+        assert lengths.tolist() == counts.tolist()
 
 
 def test_a_refresh_at_rest_changes_nothing(sim):
@@ -349,7 +348,8 @@ def test_spans_whose_points_are_apart_rest(parted):
     point = int(lower_face[np.argmin(np.linalg.norm(away, axis=1))])
     arrays.position[2, point] -= 1.2e-6
     (_, _, force), _ = glide(parted, (0.0, 0.0, 0.0))
-    assert np.flatnonzero(arrays.ply_acts).tolist() == [data.lane[point] // HALF]
+    assert np.flatnonzero(arrays.ply_acts).tolist() == [data.lane[point] // SPAN]
+    assert np.flatnonzero(arrays.ply_near).tolist() == [point]
     assert np.flatnonzero(force).tolist() == [point]
 
 
