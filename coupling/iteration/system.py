@@ -415,6 +415,10 @@ class WindowControl:
         return self.size if self.largest is None else self.largest
 
 
+#: By how much windows may be longer than their size, relative to it, where rounding is to blame.
+ROUNDING = 1e-8
+
+
 @dataclass
 class WindowSize:
     """The present size of the windows; belongs to one system."""
@@ -427,8 +431,12 @@ class WindowSize:
         self.size = self.control.size
 
     def within(self, remaining: float) -> float:
-        """Return the size of the next window; equal windows fill what remains."""
-        return remaining / max(1, math.ceil(remaining / self.size - 1e-9))
+        """Return the size of the next window; equal windows fill what remains.
+
+        They may exceed the size by rounding. The time is a sum over all windows before: its error
+        in numbers of windows grows with their count, and so does what is taken for rounding.
+        """
+        return remaining / max(1, math.ceil(remaining / self.size * (1.0 - ROUNDING)))
 
     def shorter(self, used: float) -> float | None:
         """Return half of a window that failed, None where it is the smallest already."""

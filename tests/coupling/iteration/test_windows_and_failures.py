@@ -396,3 +396,13 @@ def test_explicit_schemes_with_constant_windows_take_parts_that_cannot_save():
         implicit = rods(0.5, fixed_point(), window=0.5)
         implicit.parts["a"].save = refuse
         implicit.advance(0.5)
+
+
+@pytest.mark.parametrize("end, size, count", [(20.0, 1e-3, 20_000), (7.0, 1e-4, 70_000), (1, 3, 1)])
+def test_many_windows_keep_their_size_to_the_end(end, size, count):
+    windows, time, sizes = WindowSize(WindowControl(size)), 0.0, []
+    while time < end:
+        sizes.append(windows.within(end - time))
+        time = end if sizes[-1] >= end - time else time + sizes[-1]
+    assert len(sizes) == count
+    np.testing.assert_allclose(sizes, min(size, end), rtol=1e-8)
