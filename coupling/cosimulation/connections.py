@@ -142,6 +142,11 @@ def _unit_conversion(
     output: Variable, input_: Variable, key: str, remarks: list[str]
 ) -> Conversion:
     if not (output.is_real and input_.is_real):
+        if input_.is_real and input_.unit is not None and not input_.unit.is_plain:
+            given = "a switch, so 0 or 1" if output.kind in TRUTHS else "a whole number"
+            remarks.append(
+                f'{key}: "{output.name}" is {given}, and is taken to be in {input_.unit.name}'
+            )
         return Conversion()
     if output.unit is None or input_.unit is None:
         stated = output.unit or input_.unit

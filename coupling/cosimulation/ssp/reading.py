@@ -10,7 +10,12 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml, unpack
-from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, read_description
+from lcmchain.coupling.cosimulation.description import (
+    TRUTHS,
+    UnitDescription,
+    Variable,
+    read_description,
+)
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     UnitError,
@@ -120,6 +125,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[TomlTab
     for place, start in starts.items():
         descriptions[place], _ = configure(names[place], descriptions[place], start)
     _require_sizes(structure, descriptions)
+    _tell_other_types(structure, descriptions)
     links = _links(structure, names, descriptions)
     data["connections"] = [
         link if table == {"link": link} else table for link, table in links.items()
@@ -257,6 +263,32 @@ def _require_sizes(structure: Structure, descriptions: dict[Place, UnitDescripti
                 f"{' x '.join(map(str, stated))}, but the "
                 f"variable of its unit has {variable.size} values; {_remedy(variable)}"
             )
+
+
+def _tell_other_types(structure: Structure, descriptions: dict[Place, UnitDescription]) -> None:
+    """Warn of connectors whose type is not that of their variable, which the standard forbids."""
+    for (place, name), stated in structure.connector_types.items():
+        if place not in structure.sources:
+            continue
+        description = descriptions[place]
+        variable = description.variables.get(name) or description.elements.get(name)
+        # tools write enumerations as the whole numbers that they are
+        if variable is not None and stated not in _types_of(variable):
+            structure.remarks.append(
+                f"the connector {node_text((place, name))} is {stated}, but the variable of its "
+                f"unit is {variable.type_name}, which is taken; correct the connector"
+            )
+
+
+def _types_of(variable: Variable) -> tuple[str, ...]:
+    """Return the types that a connector of a variable may have."""
+    if variable.is_text:
+        return ("String",)
+    if variable.kind in TRUTHS:
+        return ("Boolean",)
+    if variable.is_real:
+        return ("Real",)
+    return ("Integer", "Enumeration") if variable.type_name == "Enumeration" else ("Integer",)
 
 
 def _remedy(variable: Variable) -> str:

@@ -231,6 +231,7 @@ class Structure:
     ----------
     sources : archives of the units by component.
     connector_units : units of measurement that connectors state.
+    connector_types : types that connectors state.
     edges : from a connector to the one that feeds it.
     values : later ones replace earlier ones.
     measures, items : units of measurement and enumerations that the structure defines.
@@ -243,6 +244,7 @@ class Structure:
 
     sources: dict[Path, str] = field(default_factory=dict)
     connector_units: dict[Node, str] = field(default_factory=dict)
+    connector_types: dict[Node, str] = field(default_factory=dict)
     edges: dict[Node, tuple[Node, Transformation]] = field(default_factory=dict)
     values: list[tuple[Node, Given]] = field(default_factory=list)
     measures: dict[str, PhysicalUnit] = field(default_factory=dict)
@@ -390,6 +392,8 @@ def _read_connectors(structure: Structure, element: Element, path: Path) -> None
             kind = KINDS.get(child.tag.removeprefix(SSC))
             if kind in NOT_EXCHANGED:
                 structure.not_exchanged[node] = kind
+            elif kind is not None:
+                structure.connector_types[node] = kind
             unit = child.get("unit")
             if unit:
                 structure.connector_units[node] = unit

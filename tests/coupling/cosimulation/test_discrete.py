@@ -107,6 +107,17 @@ def test_whole_numbers_and_switches_go_to_reals(assembled):
     assert assembly.parts["foot"].get_fields(["y"])["y"] == 1.0
 
 
+def test_a_switch_or_whole_number_that_becomes_a_quantity_is_told(assembled):
+    links = ["one.count -> cart.force", "two.on -> tail.position1"]
+    data = system("gauss-seidel", connections=links)
+    data["units"] += [{"name": "cart", "fmu": "Mass_2.fmu"}, {"name": "tail", "fmu": "Tail_3.fmu"}]
+    assert assembled(data).remarks == [
+        'connection "one.count -> cart.force": "count" is a whole number, and is taken to be in N',
+        'connection "two.on -> tail.position1": "on" is a switch, so 0 or 1, and is taken to be in '
+        "mm",
+    ]
+
+
 @pytest.mark.parametrize(
     "start, reason",
     [

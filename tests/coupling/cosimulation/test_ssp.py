@@ -185,6 +185,18 @@ def test_what_is_not_read_is_told(units, tmp_path, text, reason):
     assert "t.ssp" in str(caught.value) or "nothing" in str(caught.value)
 
 
+def test_a_connector_of_another_type_than_its_variable_is_told(units, tmp_path):
+    wrong = real("position", "output", "m").replace("Real", "Integer")
+    body = component("a", "Mass_2", wrong + real("force", "input"))
+    text = structure(f'<ssd:System name="r"><ssd:Elements>{body}</ssd:Elements></ssd:System>')
+    path = pack(units, tmp_path / "t.ssp", text, "Mass_2")
+    remarks = [one for one in read_ssp(path, tmp_path / "in").remarks if "connector" in one]
+    assert remarks == [
+        "the connector a.position is Integer, but the variable of its unit is Real, which is "
+        "taken; correct the connector"
+    ]
+
+
 def mapped(value, kind="Real", step='factor="2"', source="given"):
     """A component with one value that is mapped to its mass with a linear transformation."""
     entry = (
