@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.atomic import replacing
+from lcmchain.errors import first_few
 from lcmchain.mapping.formats.bulk_data import line, real, require_narrow, rounded
 from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, worst
 from lcmchain.mapping.plies import HEIGHT, SHARE
@@ -47,7 +48,7 @@ def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
             columns = (ply.ids, ply.thinning, ply.angles[family])
             for row in zip(*(column.tolist() for column in columns)):
                 file.write(line("", "ELEM", *row) + "\n")
-    losses = [*losses_of_layers(plies), *_rounding(plies)]
+    losses = [*losses_of_layers(plies), *losses_of_order(cells, plies, NAME), *_rounding(plies)]
     covered = covered_cells(plies)
     missing = cells.target.cell_count - covered
     if missing:
@@ -180,6 +181,24 @@ def losses_of_layers(plies: list[Tables]) -> list[Loss]:
     return [Loss(layer)]
 
 
+def losses_of_order(cells: MappedCells, plies: list[Tables], wanted_by: str) -> list[Loss]:
+    """Say where the plies lie in another order along the normals than in the file."""
+    if len(plies) < 2:
+        return []
+    heights = np.stack([cells.scalar(f"{HEIGHT}{ply.name}", wanted_by) for ply in plies])
+    highest_below = np.fmax.accumulate(heights, axis=0)[:-1]
+    other = np.flatnonzero((heights[1:] < highest_below).any(axis=0))
+    if len(other) == 0:
+        return []
+    return [
+        Loss(
+            f"in {len(other)} cells ({first_few(cells.target.cell_ids[other])}) the plies lie in "
+            "another order along the normal than in the file, as where the normal points to the "
+            "other side of the stack; turn the normals of the target to one side"
+        )
+    ]
+
+
 def title(ply: Tables, family: int) -> str:
     """Return the name of a ply and of one of its families, in ASCII."""
     return plain(f"{ply.name} {FIBRE_FAMILIES[family]}".strip())
@@ -191,16 +210,31 @@ def plain(text: str) -> str:
 
 
 def _names(cells: MappedCells, wanted_by: str) -> list[str]:
-    """Names of the plies from the lowest to the highest; one that is empty without a stack."""
+    """Names of the plies from the lowest to the highest; one that is empty without a stack.
+
+    Plies are compared where both lie: a target may lie lower below a part of the stack, so that the
+    mean height of a short ply says nothing of its place. Those that never lie upon each other have
+    the order of their mean heights.
+    """
     names = [key.removeprefix(SHARE) for key in cells.scalars if key.startswith(SHARE)]
+    heights = {name: cells.scalar(f"{HEIGHT}{name}", wanted_by) for name in names}
     areas = cells.target.surface.areas
 
-    def mean_height(name: str) -> float:
-        height = cells.scalar(f"{HEIGHT}{name}", wanted_by)
+    def mean(height: np.ndarray) -> float:
         known = np.isfinite(height)
         return float(np.average(height[known], weights=areas[known])) if known.any() else 0.0
 
-    return sorted(names, key=mean_height) or [""]
+    left = sorted(names, key=lambda name: mean(heights[name]))
+    order = []
+    while left:
+        lies_on_none = (
+            name
+            for name in left
+            if not any(mean(heights[name] - heights[other]) > 0.0 for other in left)
+        )
+        order.append(next(lies_on_none, left[0]))
+        left.remove(order[-1])
+    return order or [""]
 
 
 def _tables_of(cells: MappedCells, name: str, wanted_by: str) -> Tables:

@@ -32,6 +32,7 @@ from lcmchain.mapping.formats.drape import (
     covered_cells,
     draped_plies,
     losses_of_layers,
+    losses_of_order,
     plain,
     title,
 )
@@ -73,7 +74,7 @@ def _write(path: Path, cells: MappedCells, plies: list[Tables]) -> ExportReport:
         for text in _lines(cells, plies):
             file.write(text.rstrip() + "\n")
     covered = covered_cells(plies)
-    losses = losses_of_layers(plies)
+    losses = losses_of_layers(plies) + losses_of_order(cells, plies, NAME)
     missing = cells.target.cell_count - covered
     if missing:
         losses.append(Loss(f"{missing} unmapped cells are in the mesh and in no ply"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -148,6 +148,14 @@ class DeckMesh:
             lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
             longest = max(longest, float(lengths.max()))
         return longest
+
+    def counted(self) -> DeckMesh:
+        """Return the same mesh with all nodes and elements numbered from 1 in their order."""
+        return replace(
+            self,
+            node_ids=1 + np.arange(len(self.node_ids)),
+            cell_ids=1 + np.arange(len(self.cell_ids)),
+        )
 
     def with_middles(self, values: np.ndarray) -> np.ndarray:
         """Values of corner nodes, continued to nodes in the middle of edges as their mean."""

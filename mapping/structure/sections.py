@@ -302,7 +302,16 @@ def _axes(leading: FormedPly, target: TargetMesh) -> np.ndarray:
                 "and the textile has one; use a mesh of triangles or quadrilaterals",
                 file=target.file,
             )
-        normal = np.cross(first, leading.directions[1])
+        second = leading.directions[1]
+        lone = np.flatnonzero(~np.isfinite(second).all(axis=1))
+        if len(lone):
+            raise InputError(
+                "the cells are solids, which take the normal of the sheet from two fibre families, "
+                f"and the ply with the largest share has one in {len(lone)} cells "
+                f"({first_few(target.cell_ids[lone])}); use a mesh of triangles or quadrilaterals",
+                file=target.file,
+            )
+        normal = np.cross(first, second)
         length = np.linalg.norm(normal, axis=1)
         _require_apart(np.arcsin(np.minimum(length, 1.0)), target)
         third = normal / length[:, None]

@@ -51,6 +51,10 @@ from lcmchain.scene.structure import Structure
 #: What the names of the stage's files end in, before their suffix.
 ENDING = "_calculix"
 
+#: CalculiX reserves room for every number up to the largest, a kilobyte and more for an element; it
+#: solves meshes with larger numbers counted from 1.
+LARGEST_NUMBER = 1_000_000
+
 
 @dataclass(frozen=True)
 class SolverOptions:
@@ -159,7 +163,10 @@ def analyse(
     results = None
     has_steps = bool(structure.loads or structure.frequencies)
     if program is not None and has_steps:
-        run, results = _solve(program, out, mesh, sections, structure, options)
+        counted = _counted_for_solver(mesh, report)
+        if counted is not mesh:
+            texts = _deck_texts(out.name, counted, sections, materials, structure)
+        run, results = _solve(program, out, texts, counted, sections, structure, options)
         report.add_results(run, results, mesh)
     elif has_steps:
         why = "CalculiX was not to be run" if not options.run else "CalculiX is not installed"
@@ -196,19 +203,37 @@ def _text(lines: Iterable[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _counted_for_solver(mesh: DeckMesh, report: StructureReport) -> DeckMesh:
+    """Return the mesh with numbers that CalculiX has room for; a warning says where they differ."""
+    largest = max(int(mesh.node_ids[mesh.used].max()), int(mesh.cell_ids.max()))
+    if largest <= LARGEST_NUMBER:
+        return mesh
+    report.warnings.append(
+        f"the mesh has numbers up to {largest}, and CalculiX reserves memory for every number up "
+        "to the largest: it solved the deck with nodes and elements counted from 1, in the order "
+        "of the written deck, and its own .frd, .dat and .log have these numbers; renumber the "
+        "mesh to have its own there"
+    )
+    return mesh.counted()
+
+
 def _solve(
     program: str,
     out: Path,
+    texts: dict[str, str],
     mesh: DeckMesh,
     sections: Sections,
     structure: Structure,
     options: SolverOptions,
 ) -> tuple[SolverRun, StructuralResults]:
-    """Solve the deck in a folder of its own, and bring back what belongs to the results."""
+    """Solve the deck in a folder of its own, and bring back what belongs to the results.
+
+    texts : of the deck and of what it includes, by their names. mesh : with the numbers in them.
+    """
     with tempfile.TemporaryDirectory(prefix="lcmchain-") as folder:
         deck = Path(folder) / f"{out.name}.inp"
-        for ending in (".inp", "_mesh.inp", "_sections.inp"):
-            shutil.copy(out.with_name(out.name + ending), folder)
+        for text_name, text in texts.items():
+            deck.with_name(text_name).write_text(text, encoding="ascii")
         log = out.with_name(f"{out.name}.log")
         try:
             run = run_solver(

@@ -3,6 +3,7 @@
 import bulkdata
 import numpy as np
 import pytest
+import xarray as xr
 
 from lcmchain.errors import InputError
 from lcmchain.mapping import MappingOptions, map_file, read_target
@@ -148,3 +149,43 @@ def test_every_ply_of_a_stack_has_tables_of_its_own(make, flat_stack, write_mesh
         formed = 2.0 * thickness[names[ply]] * first[:, 1]
         assert formed == pytest.approx(thickness_at(ply, x[row]), rel=1e-6)
     assert not any("no row" in sentence for sentence in report.warnings)
+
+
+@pytest.fixture
+def mapped_stack(make, flat_stack, write_mesh, tmp_path):
+    """Map the two plies onto quadrilaterals, of which those at x > -0.5 may be turned over.
+
+    Returns the dataset, the target and x of its cells [m].
+    """
+
+    def build(*, turned=False):
+        forming, _, _ = flat_stack((0, 1))
+        flat, quads = make.grid(18, 18, (-0.9, -0.9), (0.9, 0.9))
+        x = flat[quads].mean(axis=1)[:, 0]
+        if turned:
+            quads = np.where((x > -0.5)[:, None], quads[:, ::-1], quads)
+        mesh = write_mesh(make.lifted(flat), [("quad", quads)])
+        map_file(forming, mesh, tmp_path / "stack.nc", MappingOptions(picture=False))
+        with xr.open_dataset(tmp_path / "stack.nc", mask_and_scale=False) as opened:
+            return opened.load(), read_target(mesh), x
+
+    return build
+
+
+def test_plies_are_ordered_by_the_cells_where_both_lie(mapped_stack, tmp_path):
+    """The target lies 5 mm above the stack where the short upper ply is, and in it elsewhere."""
+    dataset, target, x = mapped_stack()
+    for name in ("ply_height_under", "ply_height_over"):
+        dataset[name] = dataset[name] - np.where(x < 0.0, 5e-3, 0.0)
+    report = export(dataset, target, "drape", tmp_path / "stack.fem")
+    assert list(report.details["ply_thickness_m"]) == ["under", "over"]
+    assert not any("another order" in loss.what for loss in report.losses)
+
+
+@pytest.mark.parametrize("name", ["drape", "openradioss"])
+def test_cells_whose_plies_lie_in_another_order_are_told(mapped_stack, tmp_path, name):
+    """Of nine columns with both plies five have turned normals; four do not."""
+    dataset, target, _ = mapped_stack(turned=True)
+    report = export(dataset, target, name, tmp_path / "stack.out")
+    told = [loss.what for loss in report.losses if "another order along the normal" in loss.what]
+    assert len(told) == 1 and told[0].startswith("in 72 cells (cell ")

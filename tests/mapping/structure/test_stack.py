@@ -1,5 +1,7 @@
 """Plies of a stack as layers of shells, or as cells of solids: CalculiX against laminate theory."""
 
+import json
+
 import meshio
 import numpy as np
 import pytest
@@ -48,6 +50,17 @@ def two_plies(make, *, length=1.1 * LENGTH, uneven=0.0):
         fibre_direction_2=tuple(pair[1] for pair in families),
     )
     result.attrs["fibre_density_kg_m3"] = FIBRE_DENSITY
+    return result
+
+
+def with_single_family_above(make, **arguments):
+    """The same plies, of which the upper one has its first family alone, and is the thicker one."""
+    result = two_plies(make, **arguments)
+    upper = result["body"].values == 1
+    for axis in "xyz":
+        result[f"fibre_direction_2_{axis}"].values[:, upper] = np.nan
+    result["thickness"].values[:, upper] *= 1.5
+    result["areal_fibre_mass"].values[:, upper] *= 1.5
     return result
 
 
@@ -284,3 +297,31 @@ def test_an_order_that_the_file_does_not_tell_is_asked_for(make, write_mesh, tmp
     structure = structure_from_text(MATERIAL + 'lay_up = "plies"\n')
     with pytest.raises(InputError, match="lay_up: needs the order of the plies in every cell"):
         analyse(without, mesh, structure, name="m", out_dir=tmp_path)
+
+
+@needs_calculix
+def test_a_part_where_the_leading_ply_has_less_families_than_others_has_its_largest_strain(
+    make, strip, tmp_path
+):
+    """The upper ply leads where it lies: it has no second family, the lower one has."""
+    source = with_single_family_above(make, length=0.5 * LENGTH)
+    report, cells, _ = strip(case("plies", flat=True), source=source)
+    second = cells["elastic_fibre_strain_2"].values
+    assert np.isnan(second).any() and np.isfinite(second).any()
+    first = cells["elastic_fibre_strain_1"].values
+    assert report.fibre_strain_max == np.nanmax(np.abs([first, second]))
+    told = json.loads((tmp_path / "strip_calculix.json").read_text())
+    assert told["fibre_strain_max"] == report.fibre_strain_max
+
+
+def test_solids_of_a_ply_with_one_family_are_refused_by_their_numbers(make, write_mesh, tmp_path):
+    points, quads = make.grid(4, 2, high=(LENGTH, WIDTH))
+    heights = np.array(
+        [-0.5 * LOWER - 0.75 * UPPER, 0.5 * LOWER - 0.75 * UPPER, 0.5 * LOWER + 0.75 * UPPER]
+    )
+    nodes, cells = make.bricks(points, quads, heights, lambda p, z: make.lifted(p) + [0, 0, z])
+    mesh = write_mesh(nodes, [("hexahedron", cells)])
+    map_file(with_single_family_above(make), mesh, tmp_path / "m.nc", picture=False)
+    structure = structure_from_text(MATERIAL)
+    with pytest.raises(InputError, match=r"largest share has one in 8 cells \(cell 9, 10, 11"):
+        analyse(tmp_path / "m.nc", mesh, structure, name="m", out_dir=tmp_path)

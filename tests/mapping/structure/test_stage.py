@@ -327,3 +327,31 @@ def test_of_all_saved_states_the_mapped_one_is_taken(kit, write_mesh, tmp_path):
         )
         found[all_frames] = report.mass, report.fibre_volume_fraction_max
     assert found[True] == pytest.approx(found[False], rel=1e-9)
+
+
+@needs_calculix
+def test_numbers_that_calculix_has_no_room_for_stay_in_the_files(kit, write_mesh, tmp_path):
+    """Numbers above 1.5e9 overflow what CalculiX reserves; the solution does not depend on them."""
+    points, blocks = kit.plate("quad", count=2)
+    structure = structure_from_text(MATERIAL + "frequencies = 1\n" + HELD + PUSHED)
+    map_file(kit.formed(), write_mesh(points, blocks), tmp_path / "plate.nc", picture=False)
+    with xr.open_dataset(tmp_path / "plate.nc", mask_and_scale=False) as opened:
+        mapped = opened.load().drop_vars("node_id")
+    reports, found = [], []
+    for first in (1, 1_500_000_001):
+        target = TargetMesh(
+            points, blocks, {}, cell_ids=first + np.arange(4), node_ids=first + np.arange(9)
+        )
+        options = SolverOptions(picture=False)
+        report = analyse(mapped, target, structure, name="m", out_dir=tmp_path, options=options)
+        reports.append(report)
+        with xr.open_dataset(tmp_path / "m_calculix.nc") as results:
+            found.append(results[["structural_displacement_z", "stress_11"]].load())
+    assert all(report.solved for report in reports)
+    assert reports[1].displacement_max_node == reports[0].displacement_max_node + 1_500_000_000
+    for name in ("structural_displacement_z", "stress_11"):
+        np.testing.assert_array_equal(found[1][name].values, found[0][name].values)
+    assert "\n1500000001, " in (tmp_path / "m_calculix_mesh.inp").read_text()
+    told = [warning for warning in reports[1].warnings if "counted from 1" in warning]
+    assert len(told) == 1 and told[0].startswith("the mesh has numbers up to 1500000021")
+    assert not any("counted from 1" in warning for warning in reports[0].warnings)
