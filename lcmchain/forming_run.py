@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from lcmchain.errors import LcmchainError, SimulationInterrupted
-from lcmchain.provenance import Fingerprint
+from lcmchain.provenance import Fingerprint, written_values
 from lcmchain.results import (
     COMPLETE,
     INTERRUPTED,
@@ -27,7 +27,7 @@ from lcmchain.results import (
 from lcmchain.scene import Scene
 from lcmchain.solver.checkpoint import Checkpoint, FrameFile, write_checkpoint
 from lcmchain.solver.simulation import Simulation, Snapshot
-from lcmchain.solver.stage_start import model_digest, written_values
+from lcmchain.solver.stage_start import model_digest
 
 # A checkpoint is written at every saved frame, and between frames after this time [s].
 CHECKPOINT_INTERVAL = 30.0
@@ -147,6 +147,7 @@ class FormingRun:
                 self.wall_s,
                 self.simulation.control.history,
                 self._frame_file,
+                values=written_values(self.scene),
                 **self._for_later_stages(),
             ),
         )
@@ -161,9 +162,8 @@ class FormingRun:
         ends = tuple(stage.end for stage in model.stages)
         if time not in ends[:-1]:
             return {}
-        values = written_values(self.scene)
         digest = model_digest(model.whole, ends.index(time) + 1)
-        return {"values": values, "stage_ends": ends, "digest": digest}
+        return {"stage_ends": ends, "digest": digest}
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from lcmchain.errors import (
     UnfinishedRun,
 )
 from lcmchain.forming_run import FormingRun, Progress, RunAccount, state_after
-from lcmchain.provenance import provenance, run_fingerprint
+from lcmchain.provenance import provenance, run_fingerprint, written_values
 from lcmchain.report.style import CAPTIONS, START_PICTURE
 from lcmchain.results import COMPLETE, RUNNING, ResultsFolder, read_state, stopped
 from lcmchain.results.folder import SUMMARY_FILE
@@ -182,7 +182,7 @@ class _Job:
                 "anew run without --resume",
                 file=self.folder,
             )
-        return read_checkpoint(self.folder, self.fingerprint)
+        return read_checkpoint(self.folder, self.fingerprint, values=written_values(self.scene))
 
     def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
         """Let the run end with a stage; without one with the process.

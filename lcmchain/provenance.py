@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import platform
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -34,6 +35,16 @@ if TYPE_CHECKING:
 AFTER_FORMING = {"title", "output", "mapping", "permeability", "infiltration", "fmu", "draping"}
 
 
+#: Keys of :func:`forming_values` that follow from others where a scene does not give them, by how
+#: a scene writes them.
+MAY_BE_FOUND = {
+    "process.time": "process.time",
+    "process.mass_damping": "process.mass_damping",
+    "process.damping_average": "process.damping_average",
+    "history_interval": "output.history_interval",
+}
+
+
 class Fingerprint(NamedTuple):
     """Hashes of the parts that decide the numbers of a forming run.
 
@@ -53,10 +64,16 @@ class Fingerprint(NamedTuple):
         """Hash of all parts."""
         return hashlib.sha256(json.dumps(self).encode()).hexdigest()
 
-    def difference(self, other: Fingerprint) -> str:
-        """Say in words what differs from another run, empty if nothing does."""
+    def difference(self, other: Fingerprint, keys: Sequence[str] = ()) -> str:
+        """Say in words what differs from another run, empty if nothing does.
+
+        keys : of the entries of the scene that differ, as far as they are known. The first is
+            named, but an entry that the program may find from others only where it is alone.
+        """
+        first = min(keys, key=lambda key: key in MAY_BE_FOUND, default="")
         words = {
-            "scene": "another scene (or other --set values)",
+            "scene": "another scene (or other --set values)"
+            + (f", in which {MAY_BE_FOUND.get(first, first)} was another" if first else ""),
             "files": "other contents of the mesh files of its tools, or of its drawings",
             "sources": "other source files of lcmchain",
         }
@@ -94,6 +111,32 @@ def forming_values(scene: Scene) -> dict[str, Any]:
         forms = ("infiltration", "permeability")
         values |= scene.model_dump(mode="json", include=set(forms))
     return values
+
+
+def written_values(scene: Scene) -> dict[str, Any]:
+    """Return the tables of a scene that form the sheet, as they were written, in plain values."""
+    values = forming_values(scene)
+    for name, table in scene.as_written.items():
+        if isinstance(table, tuple):
+            values[name] = [entry.model_dump(mode="json") for entry in table]
+        else:
+            values[name] = table.model_dump(mode="json")
+    return json.loads(json.dumps(values))
+
+
+def differing_keys(one: object, other: object, key: str = "") -> Iterator[str]:
+    """Yield the keys of what differs between two trees of plain values."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        for name in dict.fromkeys((*one, *other)):
+            yield from differing_keys(
+                one.get(name), other.get(name), f"{key}.{name}" if key else name
+            )
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        for number, pair in enumerate(zip(one, other, strict=True)):
+            named = pair[0].get("name") if isinstance(pair[0], dict) else None
+            yield from differing_keys(*pair, f"{key}.{named}" if named else f"{key}[{number}]")
+    elif one != other:
+        yield key
 
 
 @cache

@@ -20,6 +20,8 @@ from lcmchain.report.chapters import filling_in_words, time_in_words
 MOST_SPOTS = 20
 #: Share of all pores below which a pocket is noise of the front on the mesh.
 NOTABLE = 1e-3
+#: Tension across the fibres, as a share of the largest force of a closure, that causes a warning.
+LIFTED = 0.05
 
 
 @dataclass
@@ -209,6 +211,7 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
         share = share_in_words(filled.history.filled_share[-1])
         yield f"{share}: {filled.message or filled.outcome}{where}"
     yield from _gelled(filled)
+    yield from _lifted(filled)
     spots = [
         (name, spot, left)
         for (name, spot), (left, _) in zip(filled.dry_spots, filled.left_dry, strict=True)
@@ -223,6 +226,23 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
         )
     if len(spots) > 3:
         yield f"{len(spots) - 3} further dry spots, in the report"
+
+
+def _lifted(filled: FilledPart) -> Iterator[str]:
+    """Yield a warning where resin pushes a bag or tool off, which the fibres would have to hold."""
+    force, closure = filled.history.force, filled.setup.case.closure
+    if closure is None or closure.type == "gap" or not force.size:
+        return
+    lowest = int(np.argmin(force[:, 1]))
+    if force[lowest, 1] < -LIFTED * np.abs(force[:, 0]).max():
+        key = "closure.pressure" if closure.type == "bag" else "closure.force"
+        total, resin = force[lowest, 0], force[lowest, 2]
+        yield (
+            f"the resin pushes with {resin:.3g} N against the {total:.3g} N of the closure at "
+            f"{time_in_words(filled.history.time[lowest])}: the part grows up to "
+            f"{1e3 * filled.thickness.max():.3g} mm thick, held by fibres in tension across it, "
+            f"which no textile bears; use less pressure in the gates, or more {key}"
+        )
 
 
 def _gelled(filled: FilledPart) -> Iterator[str]:

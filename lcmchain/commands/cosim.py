@@ -16,6 +16,7 @@ from lcmchain.commands.options import (
     Results,
     Strict,
     default_out,
+    name_of_input,
     output_folder,
     results_option,
 )
@@ -181,7 +182,7 @@ def precice(
     from lcmchain.scene.reading.read import directory_of
 
     the_case = read_case(case)
-    with output_folder(out or Path("results") / case.stem, inputs=[case]) as folder:
+    with output_folder(out or Path("results") / name_of_input(case), inputs=[case]) as folder:
         from lcmchain.coupling.precice_adapter.run import run_participant
 
         with progress_bar(quiet=quiet) as progress:

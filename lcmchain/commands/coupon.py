@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lcmchain.commands.options import Overrides, output_folder, results_option
+from lcmchain.commands.options import Overrides, name_of_input, output_folder, results_option
 from lcmchain.commands.terminal import console, progress_bar, quantity, say, warn
 
 if TYPE_CHECKING:
@@ -457,7 +457,7 @@ def identify_shear_loop(
 
 
 def _report_identification(data: Path, out: Path | None, identify) -> None:
-    with output_folder(out or Path("results") / data.stem, inputs=[data]) as folder:
+    with output_folder(out or Path("results") / name_of_input(data), inputs=[data]) as folder:
         from lcmchain.identification.files import tables, write_identification
 
         result = identify()

@@ -118,8 +118,17 @@ AllowIncomplete = Annotated[
 
 def default_out(scene: Path) -> Path:
     """Name the folder of the results: ``results/`` and the name of the scene (or of its folder)."""
-    name = scene.resolve().parent.name if scene.stem == "scene" else scene.stem
+    name = scene.resolve().parent.name if scene.stem == "scene" else name_of_input(scene)
     return Path("results") / (name or "scene")
+
+
+def name_of_input(path: Path) -> str:
+    """Return the name of an input for its results.
+
+    What comes by <(...) of a shell has the number of a file descriptor for a name, which may be
+    another each time: it is named as what comes by /dev/stdin.
+    """
+    return "stdin" if path.parent.name == "fd" and path.name.isdecimal() else path.stem
 
 
 @contextmanager

@@ -124,8 +124,6 @@ def require_resin(scene: SceneTables) -> None:
             "flows; give a stage mass_damping instead of rest = true",
             field="infiltration.with_forming",
         )
-    if not wet:
-        require_no_places_of_stages(scene)
 
 
 # --- gates and vents of stages --------------------------------------------------------------------
@@ -140,12 +138,11 @@ def _openings(scene: SceneTables) -> Iterator[tuple[str, int, Gate | Vent]]:
 
 
 def require_no_places_of_stages(scene: SceneTables) -> None:
-    """Refuse gates and vents of stages where no resin flows in stages."""
+    """Refuse gates and vents of stages in a process without any."""
     for name, number, opening in _openings(scene):
         first = (opening.stages or ("",))[0]
         raise wrong(
-            f'names "{first}", but no resin flows in stages of the process; leave it '
-            "out, or give [infiltration.with_forming] and [[stages]]",
+            f'names "{first}", but the process has no stages; leave it out, or give [[stages]]',
             field=f'infiltration.{name}[{number}] "{opening.name}".stages',
         )
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from lcmchain.atomic import announce, replacing
 from lcmchain.errors import InputError, OutputError
-from lcmchain.provenance import Fingerprint
+from lcmchain.provenance import Fingerprint, differing_keys
 from lcmchain.solver.simulation import Snapshot
 from lcmchain.state import State
 
@@ -112,9 +112,10 @@ class Checkpoint:
 
     ``fingerprint`` is that of the run (:func:`lcmchain.provenance.run_fingerprint`), ``wall_s``
     the computing time spent so far, ``step_history`` the steps made under each cause,
-    ``frame_file`` where the first of the snapshots lie already. For runs that go on from a stage
-    (:mod:`lcmchain.solver.stage_start`) it holds the scene's ``values``, when its stages end [s],
-    and at the end of one a ``digest`` of the model so far.
+    ``frame_file`` where the first of the snapshots lie already. The scene's ``values`` tell which
+    key of another scene differs. At the end of a stage, from which other runs may go on
+    (:mod:`lcmchain.solver.stage_start`), it holds when the stages end [s], and a ``digest`` of
+    the model so far.
     """
 
     fingerprint: Fingerprint
@@ -162,11 +163,19 @@ def write_checkpoint(folder: Path, checkpoint: Checkpoint) -> Path:
 
 
 def read_checkpoint(
-    folder: Path, fingerprint: Fingerprint, *, of_other_scene: bool = False
+    folder: Path,
+    fingerprint: Fingerprint,
+    *,
+    of_other_scene: bool = False,
+    values: dict[str, Any] | None = None,
 ) -> Checkpoint:
     """Read the checkpoint in ``folder`` of the run with this fingerprint.
 
+    Parameters
+    ----------
     of_other_scene : take that of another scene as well, with the same files and sources.
+    values : of the scene of the run (:func:`lcmchain.provenance.written_values`), by which the
+        error names the first key in which another scene differs.
 
     Raises
     ------
@@ -180,8 +189,11 @@ def read_checkpoint(
         wanted = fingerprint._replace(scene=found.scene) if of_other_scene else fingerprint
         if found != wanted:
             way = "--from" if of_other_scene else "--resume, or into another folder"
+            stored = header["values"]
+            keys = list(differing_keys(stored, values)) if stored and values else []
+            difference = found.difference(wanted, keys)
             raise InputError(
-                f"the checkpoint was written for {found.difference(wanted)}; run without {way}",
+                f"the checkpoint was written for {difference}; run without {way}",
                 file=path,
             )
         state = State.from_arrays(_named(data, "state_"))

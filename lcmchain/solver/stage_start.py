@@ -9,8 +9,6 @@ smallest gap between tools, is compared too. The state is then laid out for the 
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ import numpy as np
 
 from lcmchain.errors import InputError
 from lcmchain.model import Model
-from lcmchain.provenance import Fingerprint, forming_values
+from lcmchain.provenance import Fingerprint, differing_keys, written_values
 from lcmchain.scene.scene import Scene
 from lcmchain.scene.stages import LISTS
 from lcmchain.solver.checkpoint import Checkpoint, FrameFile
@@ -28,17 +26,6 @@ from lcmchain.state import SAMPLES, State
 FROM = "--from"
 #: Arrays of a state that have rows for stages or samples, and the axis of these.
 BY_STAGE = {"rest": 0, "tool_stopped": 1, "samples": 0}
-
-
-def written_values(scene: Scene) -> dict[str, Any]:
-    """Return the tables of a scene that form the sheet, as they were written, in plain values."""
-    values = forming_values(scene)
-    for name, table in scene.as_written.items():
-        if isinstance(table, tuple):
-            values[name] = [entry.model_dump(mode="json") for entry in table]
-        else:
-            values[name] = table.model_dump(mode="json")
-    return json.loads(json.dumps(values))
 
 
 def values_until(values: dict[str, Any], stages: int) -> dict[str, Any]:
@@ -55,21 +42,6 @@ def values_until(values: dict[str, Any], stages: int) -> dict[str, Any]:
             for entry in values.get(name, ())
         ]
     return found
-
-
-def differing_keys(one: object, other: object, key: str = "") -> Iterator[str]:
-    """Yield the keys of what differs between two trees of plain values."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        for name in dict.fromkeys((*one, *other)):
-            yield from differing_keys(
-                one.get(name), other.get(name), f"{key}.{name}" if key else name
-            )
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        for number, pair in enumerate(zip(one, other, strict=True)):
-            named = pair[0].get("name") if isinstance(pair[0], dict) else None
-            yield from differing_keys(*pair, f"{key}.{named}" if named else f"{key}[{number}]")
-    elif one != other:
-        yield key
 
 
 def model_digest(model: Model, stages: int) -> str:

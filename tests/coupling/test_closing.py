@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from lcmchain.coupling.infiltration.flow.time_step import TimeStep
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.report import filling_report
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
 from lcmchain.coupling.mould import Mould
@@ -158,6 +159,22 @@ def test_resin_lifts_a_part_until_the_pressures_balance(source, kind, few_steps)
     np.testing.assert_allclose(filled.history.force[:, 0], 1e5 * area, rtol=2e-3)
     assert np.abs(filled.history.balance_error).max() < 1e-10 * filled.history.stored[-1]
     assert filled.coupling.mean_iterations < 12.0
+    assert not filling_report("balanced", filled).warnings
+
+
+@pytest.mark.parametrize("kind", ["bag", "press"])
+def test_resin_that_pushes_harder_than_the_closure_is_warned_of(source, kind):
+    """The law of the fibres goes on into tension; a textile has none across its plane."""
+    closing = {
+        "bag": '[closure]\ntype = "bag"\npressure = "1 bar"',
+        "press": f'[closure]\ntype = "press"\nforce = "{1e5 * LENGTH * WIDTH} N"',
+    }[kind]
+    over = LEFT.replace('"0.9 bar"', '"1.5 bar"')
+    short = HEAD.replace("2000 s", "500 s")
+    filled = fill(read_formed_part(source), case(short, over, RIGHT, closing, LAW))
+    key = {"bag": "closure.pressure", "press": "closure.force"}[kind]
+    (warning,) = filling_report("lifted", filled).warnings
+    assert "fibres in tension" in warning and warning.endswith(f"or more {key}")
 
 
 FINE = LAW.replace("30 um", "20 um")

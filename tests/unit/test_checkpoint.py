@@ -1,5 +1,6 @@
 """Checkpoints: only the run that wrote one may go on from it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ from lcmchain import pipeline, provenance
 from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import InputError
 from lcmchain.model import build_model
-from lcmchain.provenance import Fingerprint, run_fingerprint
+from lcmchain.provenance import Fingerprint, run_fingerprint, written_values
 from lcmchain.scene import Scene, scene_from_text
 from lcmchain.solver.checkpoint import (
     FILE_NAME,
@@ -179,6 +180,25 @@ def test_a_run_refuses_a_foreign_checkpoint_before_any_work(state, tmp_path, mon
     write_checkpoint(tmp_path, checkpoint(state, tmp_path, run_fingerprint(built())))
     other = built(process={"time": "20 ms"})
     with pytest.raises(InputError, match="another scene"):
+        pipeline.run(other, tmp_path, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changed", "key"),
+    [
+        ({"process": {"time": "20 ms"}}, "process.time"),
+        ({"process": {"time": "20 ms"}, "contact": {"friction": 0.2}}, "contact.friction"),
+        ({"output": {"history_interval": "2 ms"}}, "output.history_interval"),
+    ],
+)
+def test_a_changed_scene_is_refused_by_its_first_key(state, tmp_path, changed, key):
+    """A time comes last: the program may have found it from the other entries."""
+    written = checkpoint(state, tmp_path, run_fingerprint(built()))
+    write_checkpoint(tmp_path, replace(written, values=written_values(built())))
+    other = built(**changed)
+    with pytest.raises(InputError, match=f"another scene .*, in which {key} was another; run"):
+        read_checkpoint(tmp_path, run_fingerprint(other), values=written_values(other))
+    with pytest.raises(InputError, match=f"in which {key} was another"):
         pipeline.run(other, tmp_path, resume=True)
 
 

@@ -225,6 +225,11 @@ def test_default_folder_is_named_after_the_scene():
     assert default_out(Path("dome.toml")) == Path("results/dome")
 
 
+@pytest.mark.parametrize("path", ["/dev/stdin", "/dev/fd/63", "/proc/self/fd/0"])
+def test_results_of_a_scene_from_a_pipe_have_no_number_for_a_name(path):
+    assert default_out(Path(path)) == Path("results/stdin")
+
+
 def test_existing_results_are_not_touched_by_wrong_input(scene_file, tmp_path, capsys):
     out = tmp_path / "results"
     out.mkdir()

@@ -336,6 +336,8 @@ class Infiltration(SceneModel):
             raise wrong(f'has the name "{shared}" of a gate; give it another', field="vents")
         if self.with_forming is not None:
             self._check_with_forming()
+        else:
+            self._check_no_stages()
         if self.preform is not None:
             self._check_preform()
         if self.flow_medium is not None:
@@ -416,6 +418,17 @@ class Infiltration(SceneModel):
         ):
             if getattr(self, name):
                 raise wrong(f"{why}; leave it or the flow_medium out", field=name)
+
+    def _check_no_stages(self) -> None:
+        """Refuse gates and vents of stages in a filling that has none."""
+        for name in ("gates", "vents"):
+            for number, opening in enumerate(getattr(self, name)):
+                if opening.stages:
+                    raise wrong(
+                        f'names "{opening.stages[0]}", but no resin flows in stages of the process '
+                        "without with_forming; give that, or opens and closes instead of it",
+                        field=f'{name}[{number}] "{opening.name}".stages',
+                    )
 
     def _check_with_forming(self) -> None:
         """Refuse what makes no sense, or is not known, while the blank is formed."""

@@ -108,6 +108,10 @@ WRONG = {
         "runs along edges",
     ),
     "trapped air in gauge pressures": ((HEAD + "trapped_air = true", GATE, VENT), "absolute"),
+    "stages without forming": (
+        (HEAD, GATE + 'stages = ["draw"]', VENT),
+        'gates[0] "left".stages: names "draw", but no resin flows in stages of the process',
+    ),
     "misspelt key": ((HEAD, GATE + 'radios = "2 mm"', VENT), 'did you mean "radius"'),
 }
 

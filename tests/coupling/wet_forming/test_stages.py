@@ -319,7 +319,7 @@ WRONG = {
     "left out": ('["hold", "lie"]', '["close", "lie"]', 'stages: leaves out "hold"'),
     "no flow": ('["hold", "lie"]', '["release"]', 'stages: names "release", which ends at rest'),
     "too late": ('opens = "0.5 ms"', 'opens = "5 ms"', "but it opens at 0.005 s"),
-    "dry": ('with_forming = { window = "0.1 ms" }\n', "", "resin_time: belongs to a resin"),
+    "dry": ('with_forming = { window = "0.1 ms" }\n', "", "without with_forming; give that"),
 }  # fmt: skip
 
 
@@ -332,6 +332,14 @@ def test_wrong_stages_of_a_resin_are_refused(case):
         scene_from_text(text.replace(old, new))
 
 
+def test_a_stage_without_resin_has_no_time_for_it():
+    text = STRIP.replace('with_forming = { window = "0.1 ms" }\n', "") + STAGES
+    with pytest.raises(InputError, match="resin_time: belongs to a resin"):
+        scene_from_text(
+            text + '[[infiltration.gates]]\nname = "g"\nrim = true\npressure = "1 bar"\n'
+        )
+
+
 def test_all_times_have_one_sum():
     text = STAGES.replace('time = "2 ms"', 'time = "2 ms"\nresin_time = "2 s"')
     text = text.replace('name = "lie"\n', 'name = "lie"\nresin_time = "1 s"\n')
@@ -342,7 +350,7 @@ def test_all_times_have_one_sum():
 def test_gates_of_stages_need_stages_in_which_resin_flows():
     one = STRIP.replace("process = { ", 'process = { time = "2 ms", ')
     one = one.replace('stages = ["close", "hold"]\n', "")
-    with pytest.raises(InputError, match='names "hold", but no resin flows in stages'):
+    with pytest.raises(InputError, match='names "hold", but the process has no stages'):
         scene_from_text(one + GATE)
 
 
