@@ -73,7 +73,7 @@ class Fingerprint(NamedTuple):
         first = min(keys, key=lambda key: key in MAY_BE_FOUND, default="")
         words = {
             "scene": "another scene (or other --set values)"
-            + (f", in which {MAY_BE_FOUND.get(first, first)} was another" if first else ""),
+            + (f", which differs in {MAY_BE_FOUND.get(first, first)}" if first else ""),
             "files": "other contents of the mesh files of its tools, or of its drawings",
             "sources": "other source files of lcmchain",
         }

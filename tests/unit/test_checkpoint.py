@@ -196,9 +196,9 @@ def test_a_changed_scene_is_refused_by_its_first_key(state, tmp_path, changed, k
     written = checkpoint(state, tmp_path, run_fingerprint(built()))
     write_checkpoint(tmp_path, replace(written, values=written_values(built())))
     other = built(**changed)
-    with pytest.raises(InputError, match=f"another scene .*, in which {key} was another; run"):
+    with pytest.raises(InputError, match=f"another scene .*, which differs in {key}; run"):
         read_checkpoint(tmp_path, run_fingerprint(other), values=written_values(other))
-    with pytest.raises(InputError, match=f"in which {key} was another"):
+    with pytest.raises(InputError, match=f"which differs in {key}"):
         pipeline.run(other, tmp_path, resume=True)
 
 
