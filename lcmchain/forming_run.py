@@ -80,6 +80,7 @@ class FormingRun:
         self.folder, self.report, self.on_saved = folder, report, on_saved
         self.companion, self.until = companion, until
         self.snapshots: list[Snapshot] = []
+        self._values = written_values(scene)
         self._frame_file = FrameFile(folder)
         self._wall_before = 0.0
         self._started = self._saved = time.perf_counter()
@@ -147,7 +148,7 @@ class FormingRun:
                 self.wall_s,
                 self.simulation.control.history,
                 self._frame_file,
-                values=written_values(self.scene),
+                values=self._values,
                 **self._for_later_stages(),
             ),
         )

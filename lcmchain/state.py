@@ -562,7 +562,7 @@ class Scratch(_Arrays):
     ply_start: np.ndarray = entry(
         "ply list",
         unit="1",
-        meaning="where what points press on begins in the lists, chunk by chunk",
+        meaning="where the entries of a chunk begin in the lists",
         dtype=np.int32,
     )
     ply_run_start: np.ndarray = entry(

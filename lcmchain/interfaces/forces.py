@@ -310,6 +310,7 @@ def list_points(data, arrays):
                     run_start[chunk] += 1
                     arrays.ply_run_point[run] = point
                     arrays.ply_run_item[run] = item
+    # the last run ends where the lists do
     last = start.size - 2
     arrays.ply_run_item[run_start[last]] = start[last]
     for chunk in range(start.size - 1, 0, -1):

@@ -126,7 +126,7 @@ def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCel
     thickness = _field(mapped, "thickness", target, file)
     names = [str(n).removeprefix(SHARE) for n in mapped.data_vars if str(n).startswith(SHARE)]
     leading = _ply(mapped, "", np.ones(target.cell_count), target, file)
-    # plies may have less families than others
+    # plies may have fewer families than others
     directions = leading.directions[:1] if names else leading.directions
     values = [leading.fibre_volume_fraction[:, None], *directions]
     known = np.isfinite(np.hstack([thickness[:, None], *values])).all(axis=1)

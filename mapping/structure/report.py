@@ -104,7 +104,7 @@ class StructureReport:
                 float(size[node]),
                 int(mesh.node_ids[node]),
             )
-            # cells whose leading ply has less families than others have no value for the rest
+            # cells whose leading ply has fewer families than others have no value for the rest
             strain = np.nanmax(np.abs(results.fibre_strain), axis=1)
             cell = int(np.argmax(strain))
             self.fibre_strain_max, self.fibre_strain_max_cell = (

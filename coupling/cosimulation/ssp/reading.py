@@ -10,12 +10,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from lcmchain.coupling.cosimulation.archive import read_xml, unpack
-from lcmchain.coupling.cosimulation.description import (
-    TRUTHS,
-    UnitDescription,
-    Variable,
-    read_description,
-)
+from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, read_description
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     UnitError,
@@ -33,6 +28,7 @@ from lcmchain.coupling.cosimulation.ssp.structure import (
     number_of,
     read_structure,
     text_of,
+    type_of,
     value_of_text,
 )
 from lcmchain.coupling.cosimulation.ssp.structure import Path as Place
@@ -272,23 +268,13 @@ def _tell_other_types(structure: Structure, descriptions: dict[Place, UnitDescri
             continue
         description = descriptions[place]
         variable = description.variables.get(name) or description.elements.get(name)
-        # tools write enumerations as the whole numbers that they are
-        if variable is not None and stated not in _types_of(variable):
+        if variable is None or stated == variable.type_name == "Enumeration":
+            continue
+        if stated != type_of(variable):
             structure.remarks.append(
                 f"the connector {node_text((place, name))} is {stated}, but the variable of its "
                 f"unit is {variable.type_name}, which is taken; correct the connector"
             )
-
-
-def _types_of(variable: Variable) -> tuple[str, ...]:
-    """Return the types that a connector of a variable may have."""
-    if variable.is_text:
-        return ("String",)
-    if variable.kind in TRUTHS:
-        return ("Boolean",)
-    if variable.is_real:
-        return ("Real",)
-    return ("Integer", "Enumeration") if variable.type_name == "Enumeration" else ("Integer",)
 
 
 def _remedy(variable: Variable) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element
 
+from lcmchain.coupling.cosimulation.description import TRUTHS, Variable
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
     PhysicalUnit,
@@ -41,6 +42,17 @@ KINDS = {
     **dict.fromkeys(("Integer", *_WHOLE), "Integer"),
     **{kind: kind for kind in ("Boolean", "String", "Enumeration", "Binary", "Clock")},
 }
+
+
+def type_of(variable: Variable) -> str:
+    """Return the type of a variable's connector in SSP 1.0; an enumeration is a whole number."""
+    if variable.is_text:
+        return "String"
+    if variable.kind in TRUTHS:
+        return "Boolean"
+    return "Real" if variable.is_real else "Integer"
+
+
 #: Types whose values are not exchanged.
 NOT_EXCHANGED = ("Binary", "Clock")
 

@@ -19,7 +19,6 @@ from lcmchain.atomic import replacing
 from lcmchain.coupling.cosimulation.archive import sha256_of, unpack
 from lcmchain.coupling.cosimulation.description import (
     STRUCTURAL,
-    TRUTHS,
     UnitDescription,
     Variable,
     VariableValues,
@@ -36,6 +35,7 @@ from lcmchain.coupling.cosimulation.ssp.structure import (
     SSV,
     STRUCTURE_FILE,
     VALUES,
+    type_of,
 )
 from lcmchain.coupling.cosimulation.start_values import (
     Configuration,
@@ -262,13 +262,10 @@ class _Writer:
             SubElement(parent, f"{SSC}Dimension", size=str(variable.size))
 
     def _type(self, variable: Variable) -> str:
-        if variable.is_text:
-            return "String"
-        if variable.kind in TRUTHS:
-            return "Boolean"
-        if self.version != "1.0" and self.description.major == 3:
-            return "Int64" if variable.kind == "Enumeration" else variable.kind
-        return "Real" if variable.is_real else "Integer"
+        found = type_of(variable)
+        if self.version == "1.0" or self.description.major != 3 or found in ("String", "Boolean"):
+            return found
+        return "Int64" if variable.kind == "Enumeration" else variable.kind
 
     def _note_unit(self, element: Element, variable: Variable) -> None:
         if variable.is_real and variable.unit is not None:

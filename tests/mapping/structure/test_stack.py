@@ -300,7 +300,7 @@ def test_an_order_that_the_file_does_not_tell_is_asked_for(make, write_mesh, tmp
 
 
 @needs_calculix
-def test_a_part_where_the_leading_ply_has_less_families_than_others_has_its_largest_strain(
+def test_a_part_where_the_leading_ply_has_fewer_families_than_others_has_its_largest_strain(
     make, strip, tmp_path
 ):
     """The upper ply leads where it lies: it has no second family, the lower one has."""
