@@ -50,6 +50,8 @@ def parse(line: str) -> None:
     command = typer.main.get_command(app)
     context = None
     while hasattr(command, "commands"):
+        # A command takes from its group what help is called, and keeps it.
+        context = command.context_class(command, context, command.name, **command.context_settings)
         name = words.pop(0)
         assert name in command.commands, f"no command {name}"
         command = command.commands[name]
