@@ -129,6 +129,8 @@ def _chains(pairs: np.ndarray) -> list[list[int]]:
 SHEET_COLOUR = "#b9c0c8"
 # Places of the plane at which the distance of the tools is taken, over the width of a section.
 GRID = 400
+# A distance that changes by more than so many steps of that grid from one to the next is none.
+LARGEST_CHANGE = 1.5
 # Gaps are shown as far as this from the faces of the sheet; in thicknesses.
 REACH = 3.0
 # Distances from a surface mesh are exact up to so many spacings of its distance field.
@@ -287,7 +289,23 @@ def _draw_tools(
             continue
         mm = 1e3 * u, 1e3 * v
         axis.contourf(*mm, distance, levels=[-np.inf, 0.0], colors=[colour], alpha=0.13)
-        axis.contour(*mm, distance, levels=[0.0], colors=[colour], linewidths=1.0, zorder=3)
+        line = _without_jumps(distance, LARGEST_CHANGE * step)
+        axis.contour(*mm, line, levels=[0.0], colors=[colour], linewidths=1.0, zorder=3)
+
+
+def _without_jumps(distance: np.ndarray, largest: float) -> np.ndarray:
+    """Return distances on a grid, nan on both sides of a change larger than ``largest``.
+
+    The distance to a surface changes by no more than the way. Behind an open surface mesh it is
+    known so far only: what ends there is no surface.
+    """
+    known = np.ones(distance.shape, dtype=bool)
+    for axis in range(distance.ndim):
+        jumps = np.abs(np.diff(distance, axis=axis)) > largest
+        before, behind = np.moveaxis(known, axis, 0)[:-1], np.moveaxis(known, axis, 0)[1:]
+        before &= ~np.moveaxis(jumps, axis, 0)
+        behind &= ~np.moveaxis(jumps, axis, 0)
+    return np.where(known, distance, np.nan)
 
 
 # --- unrolled -------------------------------------------------------------------------------------

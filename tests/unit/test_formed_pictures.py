@@ -278,6 +278,17 @@ def test_the_gaps_of_an_unrolled_section(tools, blank):
     np.testing.assert_allclose(punch[1], 1e3 * expected, atol=1e-9)
 
 
+def test_where_a_distance_ends_no_surface_is_drawn():
+    """Behind an open surface mesh, 4 mm deep, the distance jumps back to a bound above zero."""
+    z = np.arange(-8.0, 4.0)
+    distance = np.tile(np.where(z < -4.0, 4.0, z), (3, 1))
+    drawn = sections._without_jumps(distance, sections.LARGEST_CHANGE)
+    assert [z[i] for i in np.flatnonzero(np.isnan(drawn[1]))] == [-5.0, -4.0]
+    across = sections._without_jumps(distance.T, sections.LARGEST_CHANGE)
+    np.testing.assert_array_equal(across, drawn.T)
+    np.testing.assert_array_equal(drawn[:, 5:], distance[:, 5:])
+
+
 def test_sections_show_the_tools(datasets, tools, tmp_path):
     planes = default_planes(datasets[SHEET])
     travel = datasets[HISTORY]["tool_travel"].values[-1]
