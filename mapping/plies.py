@@ -11,19 +11,12 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.fields.stack import REACH, StackedPly, faces_met
 from lcmchain.mapping.fields import ATTRIBUTES
-from lcmchain.mapping.sheet import (
-    PrincipalPermeability,
-    Sheet,
-)
+from lcmchain.mapping.sheet import HEIGHT, ORDER, SHARE, PrincipalPermeability, Sheet
 from lcmchain.mapping.surfaces.averages import through_layers
 from lcmchain.mapping.surfaces.surface import Surface
 
 #: Share of a cell that one ply may have more than another one by rounding: the first one leads.
 EVEN = 1e-9
-#: Beginning of the name of the field with the share of a ply in the cells; the ply's name follows.
-SHARE = "ply_share_"
-#: The same of the field with its height along the normal of a shell.
-HEIGHT = "ply_height_"
 #: Share of a ply's area that may lie beside the largest one without a word.
 LEAST_BEYOND = 1e-3
 
@@ -62,6 +55,9 @@ def described(sheet: Sheet, variable: str) -> dict[str, Any]:
     known = ATTRIBUTES | {key: dict(about) for key, about in sheet.attributes.items()}
     if variable in known or not sheet.is_stack:
         return known.get(variable, {})
+    if variable == ORDER:
+        text = "1 where the plies lie from first to last along the normal of the cell, else -1"
+        return {"units": "1", "long_name": text, "comment": "also where one ply alone is left"}
     for name in sorted(sheet.ply_names, key=len, reverse=True):
         if variable == f"{SHARE}{name}":
             text = f"share of the cell that the ply {name} has"

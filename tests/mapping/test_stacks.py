@@ -394,6 +394,37 @@ def test_a_stack_is_mapped_from_file_to_file(make, write_mesh, tmp_path, kind):
         assert again["under_thickness"].attrs["long_name"].endswith("ply under")
 
 
+def test_a_mapped_stack_is_mapped_again_ply_by_ply(make, write_mesh, tmp_path):
+    """The second target lies off the first one, and its normals point to the lower side."""
+    shear, uneven = (0.3, -0.2), lambda c: 0.3 + 0.2 * c[:, 0] ** 2
+    source = two_plies(make, flat(make), shear_angle=shear, areal_fibre_mass=(uneven, 0.6))
+    points, quads = make.grid(9, 10, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=1)
+    first = write_mesh(make.lifted(points), [("quad", quads)], "first.vtu")
+    points, quads = make.grid(5, 4, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=3)
+    off = 0.01
+    place = make.lifted(points) + [0.0, 0.0, off]
+    second = write_mesh(place, [("quad", quads[:, ::-1])], "second.vtu")
+    map_file(source, first, tmp_path / "once.nc", picture=False)
+    map_file(tmp_path / "once.nc", second, tmp_path / "twice.nc", picture=False)
+    with xr.open_dataset(tmp_path / "twice.nc") as opened:
+        twice = opened.load()
+    assert (twice["ply_order"] == -1.0).all() and twice["ply_order"].attrs["units"] == "1"
+    areas = np.linalg.norm(make.area_vectors(place, quads), axis=1)
+    given = (flat(make)(points, z) for z in (0.5 * (UNDER - STACK), 0.5 * (STACK - OVER)))
+    for name, angle, at in zip(("under", "over"), shear, given, strict=True):
+        np.testing.assert_allclose(twice[f"{name}_shear_angle"], -angle, rtol=1e-9)
+        height = off - at[0, 2]
+        np.testing.assert_allclose(twice[f"ply_height_{name}"], height, atol=1e-12)
+    under = meshes(make, flat(make))[0]
+    mass = np.linalg.norm(make.area_vectors(*under), axis=1) @ uneven(under[0][under[1]].mean(1))
+    assert areas @ twice["under_areal_fibre_mass"].values == pytest.approx(mass, rel=1e-9)
+    solids = solid(make, "hexahedron", flat(make), [-0.025, 0.025])
+    again = read_sheet(tmp_path / "once.nc")
+    inside = transfer(again, solids, compute_weights(again, solids)).scalars
+    assert "under_shear_angle" in inside
+    assert not {"ply_order", "ply_height_under"} & inside.keys()
+
+
 def test_a_ply_that_ends_inside_a_cell_counts_with_the_part_that_is_there():
     coverage = np.array([[1.0, 0.5, 0.4, 0.995, 0.0], [0.25, 0.5, 1.6, 1.0, 0.0]])
     expected = [[1.0, 1.0, 0.4, 1.0, 1.0], [0.25, 1.0, 1.0, 1.0, 1.0]]
