@@ -108,8 +108,9 @@ def _joined(sheet: Sheet, plies: list[Sheet], each: list[MappingWeights]) -> Map
     place = [weights.place for weights in each]
     order = np.lexsort((face, cell))
     face_coverage = np.zeros(sheet.surface.face_count)
+    missed = np.zeros(sheet.surface.face_count, dtype=bool)
     for own, weights in zip(faces, each):
-        face_coverage[own] = weights.face_coverage
+        face_coverage[own], missed[own] = weights.face_coverage, weights.missed
     status = np.stack([weights.status for weights in each])
     undecided = (status == Status.AMBIGUOUS).any(axis=0)
     distance = np.where(mapped, np.stack([weights.distance for weights in each]), np.inf)
@@ -125,6 +126,7 @@ def _joined(sheet: Sheet, plies: list[Sheet], each: list[MappingWeights]) -> Map
         coverage=coverage.max(axis=0),
         distance=np.where(np.isfinite(nearest), nearest, np.nan),
         face_coverage=face_coverage,
+        missed=missed,
         wedge_correction=max(weights.wedge_correction for weights in each),
         moved=max(weights.moved for weights in each),
         maximum_distance=max(weights.maximum_distance for weights in each),
