@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, Sheet
+from lcmchain.mapping.sheet import (
+    HEIGHT,
+    ORDER,
+    PERMEABILITIES,
+    PERMEABILITY_AXES,
+    SHARE,
+    Sheet,
+)
 from lcmchain.mapping.surfaces.averages import (
     MappedDirections,
     contents_of_cells,
@@ -65,11 +72,49 @@ class MappedFields:
         return {name: found.direction for name, found in self.directions.items()} | self.axes
 
 
-def carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
+def carried(
+    sheet: Sheet, weights: MappingWeights, planes: tuple[np.ndarray, np.ndarray] | None
+) -> MappedFields:
     """Carry every field of one ply to the cells, or to the nodes, that weights are for.
 
-    normals : unit normals of the cells (C, 3); None for solids, which have none.
+    A sheet that is itself a mapped stack has fields of its plies beside its own; they are carried
+    as those of a ply are.
+
+    planes : centres [m] and unit normals of the cells, (C, 3) each; None for solids.
     """
+    whole = _carried(sheet, weights, None if planes is None else planes[1])
+    names = [name.removeprefix(SHARE) for name in sheet.scalars if name.startswith(SHARE)]
+    if not names:
+        return whole
+    scalars = dict(whole.scalars)
+    if planes is None:  # solids have the plies inside of them
+        for name in (ORDER, *(f"{HEIGHT}{ply}" for ply in names)):
+            scalars.pop(name, None)
+        return replace(whole, scalars=scalars)
+    for ply in sorted(names, key=len):  # a ply's name may begin with that of another
+        begin = f"{ply}_"
+        own = {n.removeprefix(begin): v for n, v in sheet.scalars.items() if n.startswith(begin)}
+        alone = replace(sheet, scalars=own, directions={}, permeability=None)
+        found = _carried(alone, weights, planes[1]).scalars
+        scalars |= {f"{begin}{name}": values for name, values in found.items() if name in own}
+    side, off = facing(sheet, weights, planes[1]), heights(sheet, weights, *planes)
+    for name in (f"{HEIGHT}{ply}" for ply in names):
+        if name in scalars:
+            scalars[name] = side * scalars[name] + off
+    if ORDER in scalars:
+        scalars[ORDER] = side * np.where(np.isnan(off), np.nan, np.sign(scalars[ORDER]))
+    return replace(whole, scalars=scalars)
+
+
+def heights(
+    sheet: Sheet, weights: MappingWeights, centres: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """Distance of the mid-surface from places along their normals [m], shape (C,)."""
+    places = [mean_over_cells(sheet.surface, weights, x) for x in sheet.surface.centroids.T]
+    return np.einsum("ci,ci->c", np.stack(places, axis=1) - centres, normals)
+
+
+def _carried(sheet: Sheet, weights: MappingWeights, normals: np.ndarray | None) -> MappedFields:
     scalars = {
         name: (
             _transfer_content(sheet, weights, values)
@@ -345,8 +390,10 @@ def transfer_to_nodes(sheet: Sheet, target: TargetMesh, weights: MappingWeights)
             "(--nodes), the values of the cells are written",
             file=sheet.name,
         )
-    normals = None if target.is_solid else _around_nodes(target, target.surface.normals)
-    return carried(sheet, _node_weights(sheet, target, weights), normals)
+    planes = None
+    if not target.is_solid:
+        planes = target.points, _around_nodes(target, target.surface.normals)
+    return carried(sheet, _node_weights(sheet, target, weights), planes)
 
 
 def _node_weights(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> MappingWeights:

@@ -11,21 +11,19 @@ import numpy as np
 from lcmchain.errors import InputError
 from lcmchain.fields.stack import REACH, StackedPly, faces_met
 from lcmchain.mapping.fields import ATTRIBUTES
-from lcmchain.mapping.sheet import (
-    PrincipalPermeability,
-    Sheet,
-)
+from lcmchain.mapping.sheet import HEIGHT, ORDER, SHARE, PrincipalPermeability, Sheet
 from lcmchain.mapping.surfaces.averages import through_layers
+from lcmchain.mapping.surfaces.search import closest_points
 from lcmchain.mapping.surfaces.surface import Surface
+from lcmchain.mapping.weights import MappingWeights
 
 #: Share of a cell that one ply may have more than another one by rounding: the first one leads.
 EVEN = 1e-9
-#: Beginning of the name of the field with the share of a ply in the cells; the ply's name follows.
-SHARE = "ply_share_"
-#: The same of the field with its height along the normal of a shell.
-HEIGHT = "ply_height_"
 #: Share of a ply's area that may lie beside the largest one without a word.
 LEAST_BEYOND = 1e-3
+#: Share of a face from which on it counts as mapped, and part of the maximum distance from which
+#: on plies count as apart.
+HALF = 0.5
 
 
 def of_ply(sheet: Sheet, number: int) -> Sheet:
@@ -62,6 +60,9 @@ def described(sheet: Sheet, variable: str) -> dict[str, Any]:
     known = ATTRIBUTES | {key: dict(about) for key, about in sheet.attributes.items()}
     if variable in known or not sheet.is_stack:
         return known.get(variable, {})
+    if variable == ORDER:
+        text = "1 where the plies lie from first to last along the normal of the cell, else -1"
+        return {"units": "1", "long_name": text, "comment": "also where one ply alone is left"}
     for name in sorted(sheet.ply_names, key=len, reverse=True):
         if variable == f"{SHARE}{name}":
             text = f"share of the cell that the ply {name} has"
@@ -143,9 +144,48 @@ def on_faces_of_one(sheet: Sheet) -> tuple[Sheet, tuple[str, ...]]:
     return one, tuple(_beyond(names, stacked, plies, base, reach))
 
 
+def too_far_off(sheet: Sheet, target: Surface, weights: MappingWeights) -> Iterator[str]:
+    """Say of each ply of a stack where it lies too far off a shell that has the ply beside it.
+
+    A ply that ends is no loss, nor is what lies beside a trimmed target. One that stands off the
+    others may lie beyond the maximum distance, straight up or at a slant.
+    """
+    plies, covered = each_ply(sheet), weights.face_coverage >= HALF
+    if covered.all():
+        return
+    stacked = [_stacked(ply) for ply in plies]
+    numbers = [np.flatnonzero(sheet.plies == number) for number in range(len(plies))]
+    beside = np.full(len(covered), -1)  # the face that the column of each face meets first
+    lost = np.zeros(len(covered), dtype=bool)
+    for k, (ply, own) in enumerate(zip(plies, numbers, strict=True)):
+        centres = ply.surface.centroids
+        nearest = np.full(len(own), np.inf)
+        for j in [j for j in range(len(plies)) if j != k]:
+            met = faces_met(stacked[k], stacked[j], 0, np.inf)
+            away = np.linalg.norm(plies[j].surface.centroids[met] - centres, axis=1)
+            nearer = (met >= 0) & (away < nearest)
+            nearest[nearer], beside[own[nearer]] = away[nearer], numbers[j][met[nearer]]
+        beyond = closest_points(target, centres, weights.maximum_distance).face < 0
+        lost[own] = beyond | (nearest > HALF * weights.maximum_distance)
+    lost &= ~covered & (beside >= 0)
+    held = covered
+    for _ in plies:  # the ply beside may be lost itself, for the same reason
+        held = covered | (lost & held[beside])
+    for name, ply, own in zip(sheet.ply_names, plies, numbers, strict=True):
+        gone = lost[own] & held[own]
+        share = ply.surface.areas[gone].sum() / ply.surface.areas.sum()
+        if share > LEAST_BEYOND:
+            yield (
+                f'{100.0 * share:.2g} % of the ply "{name}" stand too far off the target (farthest '
+                f"{1e3 * weights.maximum_distance:.3g} mm), which has the ply beside it: their "
+                "fibres are missing; raise maximum_distance to have them"
+            )
+
+
 def _stacked(ply: Sheet) -> StackedPly:
     """Return what columns need of a ply."""
-    faces, thickness = ply.surface.faces, ply.scalars["thickness"]
+    faces = ply.surface.faces
+    thickness = ply.scalars.get("thickness", np.ones(len(faces)))
     last = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
     return StackedPly(
         np.column_stack([faces[:, :3], last]),

@@ -19,6 +19,7 @@ from lcmchain.mapping.fields import (
     facing,
 )
 from lcmchain.mapping.formats.format import ExportReport
+from lcmchain.mapping.plies import too_far_off
 from lcmchain.mapping.registration import Registration
 from lcmchain.mapping.sheet import FIBRE_FAMILIES, PERMEABILITIES, Sheet
 from lcmchain.mapping.surfaces.averages import perpendicular_family_error
@@ -241,6 +242,8 @@ def _warnings(weights, target, sheet, mapped, kind, error, error_cell) -> list[s
             f"({100 * share:.2g} % of its area; {first_few(faces, what='face')}): the sheet lies "
             "in folds or walls there that the target lacks, and their fibres are missing"
         )
+    if sheet.is_stack and not target.is_solid:
+        warnings += too_far_off(sheet, target.surface, weights)
     warnings += _permeability_warnings(weights, mapped)
     warnings += _solid_warnings(weights, mapped)
     if weights.wedge_correction > LARGE_CORRECTION:

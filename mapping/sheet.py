@@ -29,6 +29,13 @@ FIBRE_FAMILIES = ("fibre_direction_1", "fibre_direction_2", "fibre_direction_3")
 PERMEABILITIES = tuple(f"permeability_{number}" for number in (1, 2, 3))
 PERMEABILITY_AXES = tuple(f"permeability_direction_{number}" for number in (1, 2, 3))
 
+#: Beginning of the name of the field with the share of a ply in the cells; the ply's name follows.
+SHARE = "ply_share_"
+#: The same of the field with its height along the normal of a shell.
+HEIGHT = "ply_height_"
+#: Field of a shell: which way along the normal of a cell the plies follow each other.
+ORDER = "ply_order"
+
 
 class PrincipalPermeability(NamedTuple):
     """Principal permeabilities of faces or cells, and their axes.

@@ -136,6 +136,11 @@ def map_file(
     options = replace(options or MappingOptions(), **changes)
     if options.nodes and options.all_frames:
         raise InputError("values at nodes are of one saved state: leave out nodes or all_frames")
+    if options.time is not None and options.frame != -1:
+        raise InputError(
+            f"the saved state is asked for by its number ({options.frame}) and by its time "
+            f"({1e3 * options.time:.6g} ms): leave out frame or time"
+        )
     out = Path(out)
     files = _output_files(out, options)
     exported = [file for format in options.exports for file in export_files(out, format)]

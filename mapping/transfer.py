@@ -11,9 +11,17 @@ from dataclasses import replace
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.mapping.fields import MappedFields, carried
-from lcmchain.mapping.plies import EVEN, HEIGHT, SHARE, each_ply, leading_values, of_ply
-from lcmchain.mapping.sheet import PERMEABILITIES, PERMEABILITY_AXES, PrincipalPermeability, Sheet
+from lcmchain.mapping.fields import MappedFields, carried, facing, heights
+from lcmchain.mapping.plies import EVEN, each_ply, leading_values, of_ply
+from lcmchain.mapping.sheet import (
+    HEIGHT,
+    ORDER,
+    PERMEABILITIES,
+    PERMEABILITY_AXES,
+    SHARE,
+    PrincipalPermeability,
+    Sheet,
+)
 from lcmchain.mapping.solids.weights import compute_solid_weights
 from lcmchain.mapping.surfaces.averages import MappedDirections, mean_over_cells, through_layers
 from lcmchain.mapping.surfaces.pairing import surface_weights
@@ -69,12 +77,12 @@ def transfer(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mappe
     """
     if sheet.is_stack:
         return _of_stack(sheet, target, weights)
-    return carried(sheet, weights, _normals(target))
+    return carried(sheet, weights, _planes(target))
 
 
-def _normals(target: TargetMesh) -> np.ndarray | None:
-    """Unit normals of the cells (C, 3); None of solids."""
-    return None if target.is_solid else target.surface.normals
+def _planes(target: TargetMesh) -> tuple[np.ndarray, np.ndarray] | None:
+    """Centres [m] and unit normals of the cells, (C, 3) each; None of solids."""
+    return None if target.is_solid else (target.surface.centroids, target.surface.normals)
 
 
 # --- weights of plies -----------------------------------------------------------------------------
@@ -100,8 +108,9 @@ def _joined(sheet: Sheet, plies: list[Sheet], each: list[MappingWeights]) -> Map
     place = [weights.place for weights in each]
     order = np.lexsort((face, cell))
     face_coverage = np.zeros(sheet.surface.face_count)
+    missed = np.zeros(sheet.surface.face_count, dtype=bool)
     for own, weights in zip(faces, each):
-        face_coverage[own] = weights.face_coverage
+        face_coverage[own], missed[own] = weights.face_coverage, weights.missed
     status = np.stack([weights.status for weights in each])
     undecided = (status == Status.AMBIGUOUS).any(axis=0)
     distance = np.where(mapped, np.stack([weights.distance for weights in each]), np.inf)
@@ -117,6 +126,7 @@ def _joined(sheet: Sheet, plies: list[Sheet], each: list[MappingWeights]) -> Map
         coverage=coverage.max(axis=0),
         distance=np.where(np.isfinite(nearest), nearest, np.nan),
         face_coverage=face_coverage,
+        missed=missed,
         wedge_correction=max(weights.wedge_correction for weights in each),
         moved=max(weights.moved for weights in each),
         maximum_distance=max(weights.maximum_distance for weights in each),
@@ -184,16 +194,17 @@ def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mapp
     Every field of a ply has the ply's name before its own, and so have all of its values: a cell
     without the ply has none. ``ply_share_NAME`` is the share of the cell that a ply has: of its
     volume, or of a shell's thickness. ``ply_height_NAME`` is how far the ply's mid-surface lies
-    from a shell along its normal, which tells the order of the plies there. Without the name of a
-    ply, thickness, areal mass and fibre volume fraction are those of all plies, and the
-    permeability is that of the layers together. Any other field without such a name is that of the
-    ply with the largest share, the first one where shares are equal.
+    from a shell along its normal, which tells the order of the plies there; ``ply_order`` tells
+    which way they go, also where one ply alone is left. Without the name of a ply, thickness, areal
+    mass and fibre volume fraction are those of all plies, and the permeability is that of the
+    layers together. Any other field without such a name is that of the ply with the largest share,
+    the first one where shares are equal.
     """
     names = sheet.ply_names
     shares = _shares(sheet, weights)
     plies = each_ply(sheet)
     own = [_weights_of(sheet, weights, number, shares) for number in range(len(names))]
-    each = [carried(ply, ply_weights, _normals(target)) for ply, ply_weights in zip(plies, own)]
+    each = [carried(ply, ply_weights, _planes(target)) for ply, ply_weights in zip(plies, own)]
     leading = np.argmax(shares >= shares.max(axis=0) - EVEN, axis=0)
     scalars = leading_values([mapped.scalars for mapped in each], leading)
     scalars |= _totals(weights, own, each, shares)
@@ -213,16 +224,12 @@ def _of_stack(sheet: Sheet, target: TargetMesh, weights: MappingWeights) -> Mapp
         directions |= {f"{name}_{key}": found for key, found in mapped.directions.items()}
         scalars[f"{SHARE}{name}"] = np.where(weights.mapped, share, np.nan)
     if not target.is_solid:
+        centres, normals = target.surface.centroids, target.surface.normals
         for name, ply, ply_weights in zip(names, plies, own):
-            scalars[f"{HEIGHT}{name}"] = _heights(ply, target, ply_weights)
+            scalars[f"{HEIGHT}{name}"] = heights(ply, ply_weights, centres, normals)
+        side = facing(sheet, weights, normals)
+        scalars[ORDER] = np.where(weights.mapped, side, np.nan)
     return replace(each[0], scalars=scalars, directions=directions, axes=axes)
-
-
-def _heights(ply: Sheet, target: TargetMesh, weights: MappingWeights) -> np.ndarray:
-    """Distance of a ply's mid-surface from each cell along the normal of the cell [m], (C,)."""
-    places = [mean_over_cells(ply.surface, weights, x) for x in ply.surface.centroids.T]
-    away = np.stack(places, axis=1) - target.surface.centroids
-    return np.einsum("ci,ci->c", away, target.surface.normals)
 
 
 def _totals(

@@ -17,7 +17,7 @@ from lcmchain.coupling.permeability import (
 )
 from lcmchain.coupling.solids.stack_compaction import StackCompaction, compaction_of
 from lcmchain.errors import InputError, SimulationError, first_few
-from lcmchain.mapping.plies import SHARE
+from lcmchain.mapping.sheet import SHARE
 from lcmchain.scene.infiltration.laws import Permeability
 from lcmchain.scene.reading.single_tables import formed_permeability
 

@@ -19,9 +19,10 @@ from lcmchain.errors import InputError
 from lcmchain.fields.netcdf_file import ROOT, open_netcdf, write_netcdf
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.mapping.files import compact
-from lcmchain.mapping.plies import SHARE, on_faces_of_one
+from lcmchain.mapping.plies import on_faces_of_one
 from lcmchain.mapping.sheet import (
     FIBRE_FAMILIES,
+    SHARE,
     PrincipalPermeability,
     file_sha256,
     read_sheet,

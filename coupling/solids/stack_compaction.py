@@ -16,7 +16,7 @@ import numpy as np
 from lcmchain.coupling.infiltration.formed_part import FormedPart
 from lcmchain.coupling.solids.compaction_law import MOST_ITERATIONS, ROUND_OFF, CellCompaction
 from lcmchain.errors import InputError, SimulationError
-from lcmchain.mapping.plies import SHARE
+from lcmchain.mapping.sheet import SHARE
 from lcmchain.materials.features.pressure_table import PressureTable
 from lcmchain.materials.features.shear_compaction import coupling_of, free_stretch
 from lcmchain.materials.law import Material, couples_shear

@@ -31,8 +31,7 @@ from lcmchain.errors import InputError, SimulationError
 from lcmchain.fields import derive_fields
 from lcmchain.fields.stack import plies_of
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
-from lcmchain.mapping.plies import SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, SHARE
 from lcmchain.mapping.surfaces.averages import turned
 from lcmchain.mapping.target import TargetMesh
 from lcmchain.materials.law import fibre_angles

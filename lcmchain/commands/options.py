@@ -99,6 +99,10 @@ Method = Annotated[str, typer.Option(help="Weights: overlap or closest.")]
 SavedFrame = Annotated[
     int, typer.Option(metavar="N", help="Saved frame to map, from 0; -1 is the last one.")
 ]
+SavedTime = Annotated[
+    str | None,
+    typer.Option(metavar="TIME", help='Saved state to map by its time, such as "120 ms".'),
+]
 Register = Annotated[
     bool, typer.Option("--register", help="Bring the mesh to the sheet by a small rigid motion.")
 ]

@@ -22,12 +22,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+#: Scalars of the nodes of the mid-surface.
+OF_MID_SURFACE = ("wrinkle_height", "springback")
+
+
 def write_vtu(path: Path | str, datasets: Mapping[str, xr.Dataset], frame: int = -1) -> None:
     """Write the elements in one frame with all face fields as cell data; whole or not at all.
 
-    Points are the positions of the frame. They have the ``displacement``, ``tool_pressure`` and
-    ``wrinkle_height``. In a stack they also have the contact with other plies on their face:
-    ``ply_pressure``, ``slip_path`` and so on. Vectors have three components.
+    Points are the positions of the frame. They have the ``displacement``, ``tool_pressure``,
+    ``wrinkle_height`` and, where the part is released, ``springback``. In a stack they also have
+    the contact with other plies on their face: ``ply_pressure``, ``slip_path`` and so on. Vectors
+    have three components.
 
     Cells are hexahedra, then the wedges of halved cells at a cut edge, or the triangles of the 2D
     approach. The cell data ``element`` holds the numbers of the elements, in a stack ``ply`` those
@@ -183,10 +188,11 @@ def _sheet_mesh(datasets: Mapping[str, xr.Dataset], frame: int) -> meshio.Mesh:
     on_points = {"displacement": displacement}
     if "tool_pressure" in mesh:
         on_points["tool_pressure"] = mesh["tool_pressure"].values[frame]
-    if "wrinkle_height" in sheet:
-        height = sheet["wrinkle_height"].values[frame]
-        # of the mid-surface: the same for the lower node and the upper node above it
-        on_points["wrinkle_height"] = np.tile(height, len(reference) // len(height))
+    for name in OF_MID_SURFACE:
+        if name in sheet:
+            values = sheet[name].values[frame]
+            # the same for the lower node and the upper node above it
+            on_points[name] = np.tile(values, len(reference) // len(values))
     on_points |= _between_plies(sheet, frame)
     return meshio.Mesh(
         reference + displacement,

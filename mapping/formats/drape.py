@@ -15,8 +15,7 @@ from lcmchain.atomic import replacing
 from lcmchain.errors import first_few
 from lcmchain.mapping.formats.bulk_data import line, real, require_narrow, rounded
 from lcmchain.mapping.formats.format import ExportReport, Loss, MappedCells, Saver, worst
-from lcmchain.mapping.plies import HEIGHT, SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, HEIGHT, SHARE
 
 NAME = "drape"
 

@@ -12,8 +12,7 @@ from lcmchain.errors import InputError, first_few, shortened
 from lcmchain.fields.netcdf_file import open_netcdf
 from lcmchain.fields.ugrid import TIME
 from lcmchain.mapping.files import SKIN, SOLID
-from lcmchain.mapping.plies import HEIGHT, SHARE
-from lcmchain.mapping.sheet import FIBRE_FAMILIES, UNREADABLE, file_sha256
+from lcmchain.mapping.sheet import FIBRE_FAMILIES, HEIGHT, ORDER, SHARE, UNREADABLE, file_sha256
 from lcmchain.mapping.target import TargetMesh
 
 if TYPE_CHECKING:
@@ -108,12 +107,15 @@ class FormedCells:
     leading : the ply with the largest share in each cell, whose families give the axes.
     plies : all of them.
     fibre_density : that the fibre volume fraction belongs to [kg/m3], if the file tells it.
+    order : 1 where the plies of a stack follow each other along the normal of a shell, -1 where
+        against it, (C,); None where the file does not tell it.
     """
 
     thickness: np.ndarray
     leading: FormedPly
     plies: tuple[FormedPly, ...]
     fibre_density: float | None = None
+    order: np.ndarray | None = None
 
 
 def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCells:
@@ -141,7 +143,11 @@ def formed_cells(mapped: xr.Dataset, target: TargetMesh, file: str) -> FormedCel
     plies = tuple(_named_ply(mapped, name, leading, target, file) for name in names)
     density = mapped.attrs.get("fibre_density_kg_m3")
     return FormedCells(
-        thickness, leading, plies or (leading,), None if density is None else float(density)
+        thickness,
+        leading,
+        plies or (leading,),
+        None if density is None else float(density),
+        _field(mapped, ORDER, target, file) if ORDER in mapped else None,
     )
 
 

@@ -266,6 +266,9 @@ def _order_of_plies(formed: FormedCells, target: TargetMesh) -> tuple[np.ndarray
     place = np.arange(len(given))[:, None] - 0.5 * (len(given) - 1)
     middle = np.nanmean(height, axis=0)
     lean = np.where(there, (height - middle) * place, 0.0).sum(axis=0)
+    # A ply that is left alone has none above or below it.
+    if formed.order is not None:
+        lean = np.where(there.sum(axis=0) == 1, formed.order, lean)
     return order, np.where(lean < 0.0, -1.0, 1.0)
 
 

@@ -103,7 +103,9 @@ def map_and_analyse(
     require_places(target, structure)  # what the deck cannot hold is refused before the mapping
     report = None
     mapped = path
-    if not mapped_onto(attributes, target_mesh):
+    if mapped_onto(attributes, target_mesh):
+        _require_no_choice_of_state(mapping, path)
+    else:
         report = map_forming(
             source, target_mesh, replace(mapping, kind="structure"), name=name, out_dir=out_dir
         )
@@ -114,6 +116,18 @@ def map_and_analyse(
                 "its fields were mapped once more; start from the forming result to lose nothing"
             )
     return report, analyse(mapped, target, structure, name=name, out_dir=out_dir, options=options)
+
+
+def _require_no_choice_of_state(mapping: MappingOptions, file: Path) -> None:
+    """Refuse to choose a saved state of a file that is mapped already, in one state."""
+    for key, value, default in (("frame", mapping.frame, -1), ("time", mapping.time, None)):
+        if value != default:
+            raise InputError(
+                "is of no effect: the file is mapped onto this mesh already, in the state that its "
+                "mapping_time_s tells; start from the forming result to choose another one",
+                key=key,
+                file=file,
+            )
 
 
 def analyse(

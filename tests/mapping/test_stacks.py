@@ -19,6 +19,7 @@ from lcmchain.mapping import (
 )
 from lcmchain.mapping.fields import content_of_cells, content_of_sheet
 from lcmchain.mapping.picture import comparable
+from lcmchain.mapping.report import mapping_report
 from lcmchain.mapping.solids.tetrahedra import solids_of_cells
 from lcmchain.mapping.verify import verify
 from lcmchain.mapping.weights import present
@@ -392,6 +393,80 @@ def test_a_stack_is_mapped_from_file_to_file(make, write_mesh, tmp_path, kind):
             np.testing.assert_array_equal(again[name].values, one[name].values)
         assert again["under_thickness"].attrs["units"] == "m"
         assert again["under_thickness"].attrs["long_name"].endswith("ply under")
+
+
+def test_a_mapped_stack_is_mapped_again_ply_by_ply(make, write_mesh, tmp_path):
+    """The second target lies off the first one, and its normals point to the lower side."""
+    shear, uneven = (0.3, -0.2), lambda c: 0.3 + 0.2 * c[:, 0] ** 2
+    source = two_plies(make, flat(make), shear_angle=shear, areal_fibre_mass=(uneven, 0.6))
+    points, quads = make.grid(9, 10, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=1)
+    first = write_mesh(make.lifted(points), [("quad", quads)], "first.vtu")
+    points, quads = make.grid(5, 4, (-0.5, -0.5), (0.5, 0.5), jitter=0.2, seed=3)
+    off = 0.01
+    place = make.lifted(points) + [0.0, 0.0, off]
+    second = write_mesh(place, [("quad", quads[:, ::-1])], "second.vtu")
+    map_file(source, first, tmp_path / "once.nc", picture=False)
+    map_file(tmp_path / "once.nc", second, tmp_path / "twice.nc", picture=False)
+    with xr.open_dataset(tmp_path / "twice.nc") as opened:
+        twice = opened.load()
+    assert (twice["ply_order"] == -1.0).all() and twice["ply_order"].attrs["units"] == "1"
+    areas = np.linalg.norm(make.area_vectors(place, quads), axis=1)
+    given = (flat(make)(points, z) for z in (0.5 * (UNDER - STACK), 0.5 * (STACK - OVER)))
+    for name, angle, at in zip(("under", "over"), shear, given, strict=True):
+        np.testing.assert_allclose(twice[f"{name}_shear_angle"], -angle, rtol=1e-9)
+        height = off - at[0, 2]
+        np.testing.assert_allclose(twice[f"ply_height_{name}"], height, atol=1e-12)
+    under = meshes(make, flat(make))[0]
+    mass = np.linalg.norm(make.area_vectors(*under), axis=1) @ uneven(under[0][under[1]].mean(1))
+    assert areas @ twice["under_areal_fibre_mass"].values == pytest.approx(mass, rel=1e-9)
+    solids = solid(make, "hexahedron", flat(make), [-0.025, 0.025])
+    again = read_sheet(tmp_path / "once.nc")
+    inside = transfer(again, solids, compute_weights(again, solids)).scalars
+    assert "under_shear_angle" in inside
+    assert not {"ply_order", "ply_height_under"} & inside.keys()
+
+
+def test_a_ply_that_stands_off_the_others_too_far_is_told(make):
+    """Beyond the maximum distance a ply is lost where its neighbour is mapped; not at its end."""
+    under = make.grid(10, 10, (-0.5, -0.5), (0.5, 0.5))
+    over = make.grid(10, 7, (-0.5, -0.5), (0.5, 0.2))
+    high = make.lifted(over[0]) + [0.0, 0.0, STACK]
+    source = make.two_plies((make.lifted(under[0]), under[1]), (high, over[1]))
+    target = TargetMesh(make.lifted(under[0]), (("quad", under[1]),), {})
+
+    def warnings():
+        sheet = read_sheet(source)
+        weights = compute_weights(sheet, target)
+        mapped = transfer(sheet, target, weights)
+        return mapping_report(
+            sheet, target, weights, mapped, name="m", kind="infiltration"
+        ).warnings
+
+    assert not any("too far off the target" in warning for warning in warnings())
+    raised = np.arange(len(source["sheet_node_z"])) >= len(under[0])
+    raised &= source["sheet_node_x"].values > 0.25
+    source["sheet_node_z"][raised] += 0.5
+    told = [warning for warning in warnings() if "too far off the target" in warning]
+    assert len(told) == 1 and "maximum_distance" in told[0]
+    assert 'of the ply "over" stand too far off the target (farthest 100 mm)' in told[0]
+
+
+def test_faces_that_no_cell_takes_are_told_of_every_ply(make):
+    """A fold in the upper ply, which the target lacks."""
+    under = make.grid(10, 10, (-0.5, -0.5), (0.5, 0.5))
+    points, quads = make.grid(40, 4, (0.0, -0.5), (1.0, 0.5))
+    # along the ply x goes there, back above itself, and there again
+    s = points[:, 0]
+    x = np.interp(s, [0.0, 0.4, 0.5, 0.6, 1.0], [-0.5, 0.15, -0.02, 0.15, 0.5])
+    z = np.interp(s, [0.0, 0.4, 0.45, 0.5, 0.55, 0.6], [0.05, 0.05, 0.06, 0.07, 0.08, 0.05])
+    fold = np.stack([x, points[:, 1], z], axis=1)
+    target = TargetMesh(make.lifted(under[0]), (("quad", under[1]),), {})
+    lone = read_sheet(make.forming_result(fold, quads))
+    missed = compute_weights(lone, target).missed
+    assert missed.any()
+    flat_ply = (make.lifted(under[0]), under[1])
+    both = compute_weights(read_sheet(make.two_plies(flat_ply, (fold, quads))), target).missed
+    np.testing.assert_array_equal(both, [*np.zeros(len(under[1]), dtype=bool), *missed])
 
 
 def test_a_ply_that_ends_inside_a_cell_counts_with_the_part_that_is_there():

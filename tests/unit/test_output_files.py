@@ -435,6 +435,15 @@ def test_vtu_has_the_same_fields(datasets, frames, blank, tmp_path):
         assert np.array_equal(direction[:, i], last[f"fibre_direction_1_{axis}"].values[element])
 
 
+def test_vtu_has_the_springback_of_a_released_part(datasets, blank, tmp_path):
+    height = datasets["/"]["wrinkle_height"]
+    springback = height.copy(data=np.arange(float(height.size)).reshape(height.shape))
+    released = {**datasets, "/": datasets["/"].assign(springback=springback)}
+    write_vtu(tmp_path / "forming.vtu", released, frame=0)
+    on_points = meshio.read(tmp_path / "forming.vtu").point_data["springback"]
+    np.testing.assert_array_equal(on_points, np.tile(np.arange(blank.pair_count), 2))
+
+
 def test_vtu_cells_have_their_volume_in_vtk(datasets, blank, tmp_path):
     pytest.importorskip("vtkmodules")
     from vtkmodules.util.numpy_support import vtk_to_numpy

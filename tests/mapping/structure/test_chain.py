@@ -190,6 +190,25 @@ def test_wrong_commands(folder, out, tmp_path, capsys, monkeypatch, arguments, m
     assert message in capsys.readouterr().err
 
 
+def test_a_saved_state_is_chosen_by_its_time(folder, out, tmp_path, capsys):
+    """Of the forming result; a file that is mapped onto the mesh already has one state."""
+    case = tmp_path / "case.toml"
+    case.write_text(SCENE.partition("[mapping.structure]\n")[2], encoding="utf-8")
+    mesh, end = folder / "part.vtu", ["--case", case, "--out", tmp_path, "--no-solve"]
+    with xr.open_dataset(out / "forming.nc") as opened:
+        times = opened["time"].values
+    command = ["structure", out / "forming.nc", mesh, *end, "--maximum-distance", "30 mm"]
+    assert exit_code(*command, "--time", f"{times[0]} s") == 0, capsys.readouterr().err
+    with xr.open_dataset(tmp_path / "structure.nc") as opened:
+        assert opened["time"] == times[0] != times[-1]
+    assert exit_code(*command, "--time", "1 ms", "--frame", "1") == 2
+    assert "leave out frame or time" in capsys.readouterr().err
+    for option in (("--frame", "0"), ("--time", "1 ms")):
+        assert exit_code("structure", out / "part.nc", mesh, *end, *option) == 2
+        told = " ".join(capsys.readouterr().err.split())
+        assert f"{option[0][2:]}: is of no effect: the file is mapped onto this mesh" in told
+
+
 def test_what_a_preset_gives_is_told_as_such(folder):
     source = read_scene(folder / "scene.toml").source
     told = dict(source.defaulted)

@@ -284,6 +284,18 @@ def test_layers_follow_the_order_of_the_plies(make, strip, tmp_path, lay_up, exp
         np.testing.assert_allclose([t for t, _ in found], [t for t, _ in expected], rtol=1e-6)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_families_of_a_ply_left_alone_follow_the_order_of_the_stack(make, strip, tmp_path, turned):
+    """Beyond the end of the upper ply, too, the first family lies below the second."""
+    structure = structure_from_text(MATERIAL + 'family_1_share = 0.6\nlay_up = "stacked"\n')
+    strip(
+        structure, turned=turned, source=two_plies(make, length=0.5 * LENGTH),
+        options=SolverOptions(run=False),
+    )  # fmt: skip
+    alone = [[kind for _, kind in found] for found in layers_in_deck(tmp_path).values()][-12:]
+    assert alone == [[2, 1] if turned else [1, 2]] * 12
+
+
 def test_an_order_that_the_file_does_not_tell_is_asked_for(make, write_mesh, tmp_path):
     points, quads = make.grid(4, 2, high=(LENGTH, WIDTH))
     mesh = write_mesh(make.lifted(points), [("quad", quads)])
