@@ -57,6 +57,8 @@ ENVIRONMENT_MODULE = "lcmchain_unit_environment"
 #: Systems and processors for which the exporters carry a binary.
 PLATFORMS = {("Linux", "x86_64"), ("Windows", "AMD64")}
 
+HERE = Path(__file__).parent
+
 # All files of a unit get this date, so that the same unit has the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -251,15 +253,18 @@ PARTS = {"forming": _forming_entries}
 
 
 def _write_resources(resources: Path, unit: Mapping[str, Any], fmi: int) -> None:
-    here = Path(__file__).parent
-    texts = {
-        UNIT_FILE: json.dumps(unit, indent=2) + "\n",
-        "slavemodule.txt": ENTRY_MODULES[fmi],
-        f"{ENTRY_MODULES[fmi]}.py": (here / f"entry_fmi{fmi}.py").read_text(encoding="utf-8"),
-        f"{ENVIRONMENT_MODULE}.py": (here / "entry_environment.py").read_text(encoding="utf-8"),
+    contents = {
+        UNIT_FILE: (json.dumps(unit, indent=2) + "\n").encode(),
+        "slavemodule.txt": ENTRY_MODULES[fmi].encode(),
+        f"{ENTRY_MODULES[fmi]}.py": _entry_module(fmi),
+        f"{ENVIRONMENT_MODULE}.py": (HERE / "entry_environment.py").read_bytes(),
     }
-    for name, text in texts.items():
-        (resources / name).write_text(text, encoding="utf-8")
+    for name, content in contents.items():
+        (resources / name).write_bytes(content)
+
+
+def _entry_module(fmi: int) -> bytes:
+    return (HERE / f"entry_fmi{fmi}.py").read_bytes()
 
 
 def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
@@ -271,7 +276,7 @@ def _binaries(fmi: int, definition: UnitDefinition) -> dict[str, bytes]:
             continue
         place = f"binaries/{path.parent.relative_to(folder).as_posix()}"
         try:
-            content = guarded(path.read_bytes(), fmi, definition.variables)
+            content = guarded(path.read_bytes(), fmi, definition.variables, _entry_module(fmi))
         except LinkError as error:
             raise InputError(
                 f"{error}: the installed {EXPORTERS[fmi]} {metadata.version(EXPORTERS[fmi])} is "

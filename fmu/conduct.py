@@ -8,6 +8,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from enum import Enum, IntEnum
 from types import CodeType, FrameType
 from typing import Any, Protocol
@@ -90,10 +91,28 @@ class Messages:
         Most masters show no log messages unless they are asked to, and pythonfmu hands them on
         only when the call is over.
         """
-        text = f"{self._name}: {text}"
+        text = encodable(f"{self._name}: {text}")
         self._report(status, CATEGORY_OF[status], text)
         if aloud or status is not Status.OK:
+            say_on_stderr(text)
+
+
+def say_on_stderr(text: str) -> None:
+    """Print a message, where the host has something to print on.
+
+    A service may have closed its stderr, or nobody may read it any more. That stops no unit.
+    """
+    if sys.stderr is not None:
+        with suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
+
+
+def encodable(text: str) -> str:
+    """Return a text that UTF-8 can hold: the exporters end the host at any other.
+
+    The name of a folder may hold bytes that are no characters (``\\udcff`` in Python).
+    """
+    return text.encode("utf-8", "backslashreplace").decode()
 
 
 # --- Ctrl-C in a host that is a Python: never an exception that reaches the C side ----------------

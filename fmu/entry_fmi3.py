@@ -16,7 +16,7 @@ try:
     environment.prepare(__file__)
     adapter = importlib.import_module("lcmchain.fmu.fmi3")
     Fmi3Slave, unit = adapter.Fmi3Slave, adapter.UnitSlave3
-except Exception as error:
+except BaseException as error:
     # After an exception of this file pythonfmu3 keeps Python's lock, and the host hangs; after one
     # of the class it tells the master, and there is no instance.
     reason = f"{type(error).__name__}: {error}"

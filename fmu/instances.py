@@ -11,7 +11,7 @@ from typing import Any
 
 from lcmchain import __version__
 from lcmchain.errors import InputError, LcmchainError
-from lcmchain.fmu.conduct import Report
+from lcmchain.fmu.conduct import Report, encodable, say_on_stderr
 from lcmchain.fmu.part import Part, SavedState, UnitDefinition, Unreadable
 from lcmchain.fmu.unit import Unit
 
@@ -56,12 +56,13 @@ def open_unit(resources: str, name: str, report: Report, *, arrays: bool) -> Uni
     try:
         definition, part = _definition(Path(resources))
         _remember(resources, definition, part)
-    except (LcmchainError, OSError, ValueError, KeyError, TypeError) as error:
+    except Exception as error:  # of a file that is damaged, whatever reading it ends with
         if resources in _opened:
             definition, part = _opened[resources]
             return Unit(definition, copy.copy(part), name, report, arrays=arrays)
         message = f"{name}: {error}" if isinstance(error, LcmchainError) else _no_unit(name, error)
-        print(message, file=sys.stderr, flush=True)
+        message = encodable(message)
+        say_on_stderr(message)
         raise InputError(message) from None
     return Unit(definition, part, name, report, arrays=arrays)
 
@@ -119,4 +120,6 @@ def require_own_description(path: Path, definition: UnitDefinition) -> None:
 
 
 def _no_unit(name: str, error: Exception) -> str:
-    return f"{name}: the resources of the unit are missing or damaged ({error})"
+    return (
+        f"{name}: the resources of the unit are missing or damaged ({error}); unpack the unit again"
+    )

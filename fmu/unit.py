@@ -21,6 +21,7 @@ from lcmchain.fmu.conduct import (
     Status,
     StepOutcome,
     catching,
+    encodable,
     guarded,
     outermost,
     take_noted,
@@ -176,7 +177,7 @@ class Unit:
         """Return the values of texts."""
         touched = self._variables_of(self._located(references, Kind.STRING))
         self.values.texts["message"] = self.message
-        return [self.values.texts[variable.name] for variable in touched]
+        return [encodable(self.values.texts[variable.name]) for variable in touched]
 
     @guarded
     @outermost
@@ -197,7 +198,7 @@ class Unit:
         touched = self._variables_of(self._settable(references, Kind.STRING))
         texts = [text for text in values if isinstance(text, str)]
         if len(values) != len(touched) or len(texts) != len(values):
-            raise Refused("what was set is no text in UTF-8")
+            raise Refused("what was set is no text in UTF-8, or not one text for each variable")
         self.values.texts |= {variable.name: text for variable, text in zip(touched, texts)}
         return Status.OK
 

@@ -9,8 +9,8 @@
                                       └▶ part ─▶ instance: library_instance or process_instance
 
 - ``system_file`` holds the tables of a system; ``ssp`` makes the same of a system of SSP, and back.
-- ``archive`` unpacks a unit, ``description`` says what it is, with each variable and its
-  ``physical_units``.
+- ``archive`` unpacks a unit into a ``temporary_folder``, ``description`` says what it is, with each
+  variable and its ``physical_units``.
 - ``assembly`` loads the units, sets their ``start_values``, joins them by ``connections`` (those of
   terminals by ``terminal_links``), and initialises them.
 - ``part`` is a unit as the coupling sees it, ``instance`` the calls that it needs. A unit runs in

@@ -6,6 +6,7 @@ is made, the bytes written are counted, and XML that declares entities is not pa
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import re
 import shutil
@@ -212,6 +213,12 @@ def _refused(entry: zipfile.ZipInfo, reason: str, path: Path) -> InputError:
     )
 
 
+#: Errors of a folder that takes no more files, whatever their names.
+_NO_ROOM = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EFBIG, errno.EIO} | {
+    getattr(errno, "EDQUOT", errno.ENOSPC)
+}
+
+
 def _write(
     archive: zipfile.ZipFile,
     entries: list[zipfile.ZipInfo],
@@ -237,6 +244,12 @@ def _write(
                         )
                     file.write(chunk)
         except OSError as error:
+            if error.errno in _NO_ROOM:
+                raise InputError(
+                    f"cannot be unpacked into {folder} ({error.strerror}); free some space there, "
+                    "or name another folder for temporary files by the variable TMPDIR",
+                    file=path,
+                ) from None
             raise _refused(entry, f"cannot be written ({error.strerror or error})", path) from None
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time as clock
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -19,6 +18,7 @@ from lcmchain.coupling.cosimulation.process_instance import LeftInCall
 from lcmchain.coupling.cosimulation.recorder import Recorder, chosen, draw_signals, summary_of
 from lcmchain.coupling.cosimulation.stopping import noting, sigterm_as_ctrl_c
 from lcmchain.coupling.cosimulation.system_file import CONVERGENCE_GROUP, System
+from lcmchain.coupling.cosimulation.temporary_folder import temporary_folder
 from lcmchain.coupling.iteration import CoupledSystem, NotConverged, NotSettled, PartFailed
 from lcmchain.coupling.iteration.checkpoint import (
     flattened,
@@ -282,12 +282,12 @@ def run_system(
     with (
         sigterm_as_ctrl_c(),
         ResultsFolder.locked(folder, (*inputs, *units)) as results,
-        tempfile.TemporaryDirectory(prefix="lcmchain-cosimulation-") as unpacked,
+        temporary_folder("lcmchain-cosimulation-") as unpacked,
     ):
         results.require_apart(FILES)
         reports = _Reports(progress)
         reports.tell(system.start_time, system.stop_time, "loading the units")
-        with assemble(system, Path(unpacked), reports.log) as assembly:
+        with assemble(system, unpacked, reports.log) as assembly:
             job = _Job(assembly, folder, reports)
             if resume:
                 job.resume()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from packaging.requirements import InvalidRequirement, Requirement
 
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
 from lcmchain.fmu.doctor.binary import link, read_installed
 from lcmchain.fmu.doctor.findings import Diagnosis, Finding, Level
 
@@ -47,7 +47,7 @@ def examine_python(
         "distributions": interpreter.distributions,
     }
     what = "its binary embeds Python"
-    if content is not None:
+    if content is not None and content.module_is_there:
         what = f"its module {content.module} runs in the Python of the host"
     diagnosis.add(
         Level.OK, "python",
@@ -115,6 +115,14 @@ def _requirements(content: PythonContent | None) -> list[Requirement]:
 
 
 def _module_findings(content: PythonContent, python: Interpreter) -> Iterator[Finding]:
+    if not content.module_is_there:
+        name = json.dumps(shortened(content.module))
+        yield Finding(
+            Level.MISSING, "python",
+            f"slavemodule.txt names the module {name}, which is not in the unit: its exporter ends "
+            "the host, or never comes back",
+            "build the unit again",
+        )  # fmt: skip
     absent = [name for name in content.needed if not python.modules[name]]
     for name in absent:
         built = ""
@@ -137,8 +145,14 @@ def _module_findings(content: PythonContent, python: Interpreter) -> Iterator[Fi
             Level.WARNING, "packages",
             f"there is no module {', '.join(unused)}, which parts of the unit import on their way",
         )  # fmt: skip
+    own = ".".join(map(str, sys.version_info[:2])) == python.minor  # by which they were read
     for file, reason in content.unreadable.items():
-        yield Finding(Level.WARNING, "python", f"{file} cannot be read as Python ({reason})")
+        is_first = own and file == f"{content.module}.py"
+        yield Finding(
+            Level.MISSING if is_first else Level.WARNING, "python",
+            f"{file} cannot be read as Python ({reason})",
+            "build the unit again" if is_first else "",
+        )  # fmt: skip
 
 
 def _requirement_findings(
@@ -192,7 +206,7 @@ class PythonContent:
 
     Parameters
     ----------
-    module : name of the model's module.
+    module : name of the model's module. module_is_there : whether it lies in the unit.
     needed : modules from outside the unit, without which its module cannot be loaded.
     used : further modules that a function or an optional branch imports.
     requirements : lines of ``requirements.txt``.
@@ -202,6 +216,7 @@ class PythonContent:
     """
 
     module: str
+    module_is_there: bool
     needed: tuple[str, ...]
     used: tuple[str, ...]
     requirements: tuple[str, ...]
@@ -215,8 +230,11 @@ def python_content(resources: Path) -> PythonContent | None:
     names = resources / "slavemodule.txt"
     if not names.is_file():
         return None
-    module = names.read_text(encoding="utf-8", errors="replace").strip()
-    needed, used, unreadable = _imports(resources, module)
+    # The exporters take the first line as it is, also with the end of a line of Windows.
+    with names.open(encoding="utf-8", errors="replace", newline="\n") as file:
+        module = file.readline().removesuffix("\n")
+    is_there = _is_module(resources, module)
+    needed, used, unreadable = _imports(resources, module) if is_there else (set(), set(), {})
     requirements: list[str] = []
     if (resources / REQUIREMENTS).is_file():
         text = (resources / REQUIREMENTS).read_text(encoding="utf-8", errors="replace")
@@ -225,6 +243,7 @@ def python_content(resources: Path) -> PythonContent | None:
     environment = next((name for name in ENVIRONMENTS if (resources / name).is_file()), "")
     return PythonContent(
         module=module,
+        module_is_there=is_there,
         needed=tuple(sorted(needed)),
         used=tuple(sorted(used - needed)),
         requirements=tuple(requirements),
@@ -232,6 +251,13 @@ def python_content(resources: Path) -> PythonContent | None:
         unreadable=unreadable,
         lcmchain_version=_lcmchain_version(resources / UNIT_FILE),
     )
+
+
+def _is_module(resources: Path, name: str) -> bool:
+    try:
+        return name.isidentifier() and (resources / f"{name}.py").is_file()
+    except OSError:  # too long a name
+        return False
 
 
 def _lcmchain_version(path: Path) -> str | None:

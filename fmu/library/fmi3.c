@@ -178,6 +178,9 @@ EXPORTED int fmi3SetString(struct record *record, const reference *references, s
     if ((count && !references) || (value_count && !values)) REFUSE(record, NO_MEMORY);
     for (size i = 0; i < value_count; i++)
         if (!values[i]) REFUSE(record, NO_MEMORY);
+    /* The exporter drops texts beyond the number of references, as if they had been set. Without
+       any the unit refuses the call, and with it the next step. */
+    if (value_count > count) value_count = 0;
     return ended(&record->common, original_fmi3SetString(record->common.instance, references,
                                                          count, values, value_count));
 }

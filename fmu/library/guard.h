@@ -20,10 +20,10 @@ typedef unsigned int reference;
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 enum { REAL, INTEGER, BOOLEAN, STRING, NONE };
 
-/* Of the unit: how many value references there are, that of the time, and for every one
-   4 * count + kind of what it means (FMI 3.0 only). */
+/* Of the unit: how many value references there are, that of the time, the sum of its module's
+   bytes (link.py), and for every reference 4 * count + kind of what it means (FMI 3.0 only). */
 extern const unsigned unit_table[];
-enum { COUNT, TIME, FIRST };
+enum { COUNT, TIME, SUM_OF_MODULE, FIRST };
 
 #define EXPORTED __attribute__((visibility("default")))
 #define CATEGORY_ERROR "logStatusError"
@@ -45,9 +45,9 @@ static unsigned bit_of(const char *category)
     return 0;
 }
 
-/* One page of memory from the system, and back; whether a file can be read. */
+/* One page of memory from the system, and back; the content of a file. */
 enum { PAGE = 4096, MMAP = 9, MUNMAP = 11, READ_WRITE = 3, PRIVATE_ANONYMOUS = 0x22 };
-enum { ACCESS = 21, READABLE = 4 };
+enum { READ, WRITE, OPEN, CLOSE, CLOSED_ON_EXECUTION = 0x80000, INTERRUPTED = -4 };
 
 static void *take_page(void)
 {
@@ -72,13 +72,32 @@ static void give_page(void *page)
     (void)answer;
 }
 
-static int can_be_read(const char *path)
+static long call_system(long number, long first, const void *second, long third)
 {
     long answer;
     __asm__ volatile("syscall" : "=a"(answer)
-                     : "a"((long)ACCESS), "D"(path), "S"((long)READABLE)
+                     : "a"(number), "D"(first), "S"(second), "d"(third)
                      : "rcx", "r11", "memory");
-    return answer == 0;
+    return answer;
+}
+
+/* The file descriptor of a file that can be read, negative for one that cannot. */
+static long opened(const char *path)
+{
+    return call_system(OPEN, (long)path, (const void *)CLOSED_ON_EXECUTION, 0);
+}
+
+static long read_some(long file, unsigned char *bytes, long count)
+{
+    long found;
+    do found = call_system(READ, file, bytes, count);
+    while (found == INTERRUPTED);
+    return found;
+}
+
+static void close_file(long file)
+{
+    call_system(CLOSE, file, 0, 0);
 }
 
 /* --- where the resources are, and what the unit is called ---------------------------------------
@@ -89,7 +108,8 @@ static int can_be_read(const char *path)
 /* What the exporter reads first, in the resources of every unit: the name of a module, and that
    module (build.py). */
 #define FIRST_FILE "/slavemodule.txt"
-#define MODULE "/lcmchain_unit_" FMI ".py"
+#define NAME_OF_MODULE "lcmchain_unit_" FMI
+#define MODULE "/" NAME_OF_MODULE ".py"
 
 /* Append a text to one of so many characters, as far as there is room in a page. */
 static size appended(char *page, size count, const char *text)
@@ -113,12 +133,52 @@ static int digit(char c)
     return c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
 }
 
-static int lies_in(char *folder, size count, const char *file)
+/* Open a file of a folder, whose path has so many characters. */
+static long opened_in(char *folder, size count, const char *file)
 {
     appended(folder, count, file);
-    int found = can_be_read(folder);
+    long found = opened(folder);
     folder[count] = 0;
     return found;
+}
+
+static int lies_in(char *folder, size count, const char *file)
+{
+    long found = opened_in(folder, count, file);
+    if (found < 0) return 0;
+    close_file(found);
+    return 1;
+}
+
+/* Whether the first line of the first file is the name of the module, and nothing else. */
+static int names_the_module(char *folder, size count)
+{
+    unsigned char line[sizeof NAME_OF_MODULE];
+    long file = opened_in(folder, count, FIRST_FILE), found = 0, more = 0;
+    if (file < 0) return 0;
+    while (found < (long)sizeof line
+           && (more = read_some(file, line + found, (long)sizeof line - found)) > 0)
+        found += more;
+    close_file(file);
+    const long length = sizeof line - 1;
+    if (more < 0 || found < length) return 0;
+    for (long i = 0; i < length; i++)
+        if (line[i] != NAME_OF_MODULE[i]) return 0;
+    return found == length || line[length] == '\n';
+}
+
+/* Whether the module is the one that was built into the unit: of one that Python cannot run, the
+   exporter of FMI 3.0 never comes back. The sum is that of Fowler, Noll and Vo (FNV-1a). */
+static int is_the_module(char *folder, size count)
+{
+    unsigned char bytes[512];
+    unsigned sum = 2166136261u;
+    long file = opened_in(folder, count, MODULE), found;
+    if (file < 0) return 0;
+    while ((found = read_some(file, bytes, sizeof bytes)) > 0)
+        for (long i = 0; i < found; i++) sum = (sum ^ bytes[i]) * 16777619u;
+    close_file(file);
+    return found == 0 && sum == unit_table[SUM_OF_MODULE];
 }
 
 /* Write the folder that a location means to a page; whether it is that of resources. */
@@ -165,6 +225,9 @@ static int is_utf8(const char *text)
     return 1;
 }
 
+#define ALTERED(file) \
+    "resources/" file " is not as it was built; unpack the unit again, or build it again"
+
 /* Why no instance can be made of these, or nothing; the folder of the resources, or the reason with
    their location, is written to the page. `percent` is what a logger takes for a %. */
 static const char *obstacle_to(char *page, const char *name, const char *token,
@@ -175,8 +238,11 @@ static const char *obstacle_to(char *page, const char *name, const char *token,
     if (!is_utf8(name)) return "the name of the instance is no text in UTF-8";
     if (!is_utf8(resources)) return "the location of the resources is no text in UTF-8";
     if (find_resources(page, resources)) {
-        if (is_utf8(page)) return 0;
-        return "the location of the resources is no text in UTF-8";
+        if (!is_utf8(page)) return "the location of the resources is no text in UTF-8";
+        size length = appended(page, 0, page);
+        if (!names_the_module(page, length)) return ALTERED("slavemodule.txt");
+        if (!is_the_module(page, length)) return ALTERED(NAME_OF_MODULE ".py");
+        return 0;
     }
     size count = appended(page, 0, "the resources of the unit are not at \"");
     for (; *resources && count < PAGE - 200; resources++) {

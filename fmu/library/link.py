@@ -41,12 +41,13 @@ class _Guard(NamedTuple):
     functions: dict[str, tuple[int, int]]  # name to address and size
 
 
-def guarded(library: bytes, fmi: int, variables: Sequence[Variable]) -> bytes:
+def guarded(library: bytes, fmi: int, variables: Sequence[Variable], module: bytes) -> bytes:
     """Return a shared library of Linux on x86-64 with the guard; others unchanged.
 
     Parameters
     ----------
     library : of the exporter. fmi : version of the standard. variables : of the unit.
+    module : content of the unit's entry file, without which the guard makes no instance.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def guarded(library: bytes, fmi: int, variables: Sequence[Variable]) -> bytes:
     place = -(-len(library) // _PAGE) * _PAGE
     if originals and address in (segment["p_vaddr"] for segment in loaded):
         raise LinkError("there is a segment where the guard belongs")
-    guard = _placed(fmi, address, originals, unit_table(variables, arrays=fmi == 3))
+    guard = _placed(fmi, address, originals, unit_table(variables, module, arrays=fmi == 3))
     left = set(originals) - set(guard.functions) - FREE_OF_INSTANCES
     if left:
         raise LinkError(f"the guard has no {', '.join(sorted(left))}")
@@ -83,13 +84,21 @@ def guarded(library: bytes, fmi: int, variables: Sequence[Variable]) -> bytes:
     return bytes(changed)
 
 
-def unit_table(variables: Sequence[Variable], *, arrays: bool) -> bytes:
-    """Return what the guard knows of a unit: references, and how many values each stands for."""
+def unit_table(variables: Sequence[Variable], module: bytes, *, arrays: bool) -> bytes:
+    """Return what the guard knows of a unit: its references with their values, and its module."""
     layout = Layout(variables, arrays=arrays)
     names = [variable.name for variable in variables]
     time = layout.slots[TIME.name].start if not arrays else names.index(TIME.name)
     kinds = [4 * one.count + _KINDS.index(one.kind) for one in variables] if arrays else []
-    return struct.pack(f"<{2 + len(kinds)}I", len(kinds), time, *kinds)
+    return struct.pack(f"<{3 + len(kinds)}I", len(kinds), time, _sum_of(module), *kinds)
+
+
+def _sum_of(content: bytes) -> int:
+    """Return the sum by which the guard knows a file: FNV-1a with 32 bits, as in ``guard.h``."""
+    found = 2166136261
+    for byte in content:
+        found = (found ^ byte) * 16777619 % 2**32
+    return found
 
 
 def guard_object(fmi: int) -> ELFFile:

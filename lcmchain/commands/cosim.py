@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -97,10 +96,11 @@ def _read(path: Path, overrides: Sequence[str]) -> Iterator[System]:
         yield read_system(path, overrides)
         return
     from lcmchain.coupling.cosimulation.ssp.reading import read_ssd, read_ssp
+    from lcmchain.coupling.cosimulation.temporary_folder import temporary_folder
 
-    with tempfile.TemporaryDirectory(prefix="lcmchain-ssp-") as folder:
+    with temporary_folder("lcmchain-ssp-") as folder:
         read = read_ssd if kind == SSD_SUFFIX else read_ssp
-        yield read(path, Path(folder), overrides)
+        yield read(path, folder, overrides)
 
 
 def _file_of(path: Path) -> Path:

@@ -5,6 +5,7 @@
 
 import ctypes
 import gc
+import io
 import json
 import shutil
 import sys
@@ -168,6 +169,43 @@ def instances(folder, out):
     return found
 
 
+def altered(folder, out):
+    """Whether there is an instance, and what was told, where a file of the resources is another."""
+    moved = Path(out, "altered")
+    shutil.copytree(Path(folder, "resources"), moved)
+    (module,) = moved.glob("lcmchain_unit_fmi?.py")
+    first, unit = moved / "slavemodule.txt", moved / "unit.json"
+    name = first.read_bytes()
+    changes = [(first, content) for content in (b"", b"os", name + b"\r\n", name + b"x", b"\xff")]
+    changes += [(module, content) for content in (b"class LcmchainUnit(:\n", b"")]
+    changes += [(unit, b"[" * 100_000), (first, name + b"\nanything")]
+    found = []
+    for path, content in changes:
+        before = path.read_bytes()
+        path.write_bytes(content)
+        made = Bare(folder, resources=bytes(moved))
+        found.append([bool(made.instance.value), [text for _, text in made.heard]])
+        if made.instance.value:
+            made.free()
+        path.write_bytes(before)
+    return found
+
+
+def unread(folder):
+    """The statuses where nobody reads what is printed: an error, a discarded step, a good one."""
+    unit = Bare(folder)
+    unit.initialize()
+    stderr, sys.stderr = sys.stderr, io.StringIO()
+    sys.stderr.close()
+    try:
+        real = next(iter(KINDS[unit.version]))
+        found = [unit.move("Set", real, ["punch.travel"])[0], unit.step(0.0)[0], unit.step(0.0)[0]]
+    finally:
+        sys.stderr = stderr
+    unit.free()
+    return found
+
+
 def percent(folder):
     """The text of an error that holds a %."""
     unit = Bare(folder)
@@ -288,6 +326,11 @@ def values(folder):
             for surplus in (-1, 1, 1150, 100_000)
         ]  # fmt: skip
         found["first"] = unit.move("Get", kinds[0], ["thickness"], 1 - unit.count(["thickness"]))[0]
+        found["texts"] = [
+            unit.move("Set", "String", ["out_dir"] * count, surplus)[0]
+            for count, surplus in ((1, 1), (2, 5000), (2, -1), (1, -1))
+        ]
+        found["discarded"] = unit.step(0.0)[0]
         found["modes"] = [unit.call(mode) for mode in MODES]
         found["read"] = unit.move("Get", kinds[0], ["punch.travel", "thickness"], 3)[1][1:3]
     missing = type(unit.instance)()
@@ -305,5 +348,6 @@ if __name__ == "__main__":
         "unheard": unheard(where), "quiet": quiet(where, out_dir), "chosen": chosen(where),
         "times": times(where), "states": states(where), "values": values(where),
         "instances": instances(where, out_dir), "percent": percent(where),
+        "altered": altered(where, out_dir), "unread": unread(where),
     }  # fmt: skip
     print(json.dumps(tried))

@@ -254,6 +254,20 @@ def test_a_parameter_that_makes_no_sense_is_told_and_a_reset_heals(rules):
     assert "contact.friction" in results[3]["answer"][0]
 
 
+def test_a_text_with_the_name_of_a_folder_that_is_no_utf8_can_be_handed_on(folder):
+    """The exporters end the host at a text that they cannot encode."""
+    told = []
+    unit = open_unit(
+        f"{folder}/resources", "one", lambda status, category, text: told.append(text), arrays=False
+    )
+    unit.refuse("the folder a\udcffb", changes=False)
+    unit.message = "the folder a\udcffb"
+    reference = unit.layout.slots["message"].start
+    assert [*told, *unit.get_texts([reference])] == ["one: the folder a\\udcffb"] + [
+        "the folder a\\udcffb"
+    ]
+
+
 # --- Ctrl-C ---------------------------------------------------------------------------------------
 
 HOST = """

@@ -176,6 +176,30 @@ def test_imports_and_requirements_of_a_python_unit_are_followed(tmp_path):
     assert "absent_six" not in json.dumps(diagnosis.as_dict())
 
 
+@pytest.mark.parametrize("name", ["", "model\r\n", "other", "json", "x" * 300, "\ufeffmodel"])
+def test_a_module_that_is_not_in_the_unit_is_missing(tmp_path, name):
+    files = {"resources/slavemodule.txt": name, "resources/model.py": ""}
+    (missing,) = (
+        finding
+        for finding in told(examine(make_unit(tmp_path / "a.fmu", files=files)), Level.MISSING)
+        if finding.subject == "python"
+    )
+    assert missing.text.startswith("slavemodule.txt names the module") and missing.remedy
+
+
+def test_a_module_that_is_no_python_is_missing_and_one_that_it_imports_a_warning(tmp_path):
+    broken = "class Model(:\n"
+    for module, other, level in (
+        (broken, "", Level.MISSING), ("import helper\n", broken, Level.WARNING),
+    ):  # fmt: skip
+        files = {
+            "resources/slavemodule.txt": "model\n", "resources/model.py": module,
+            "resources/helper.py": other,
+        }  # fmt: skip
+        diagnosis = examine(make_unit(tmp_path / "a.fmu", files=files))
+        assert any("cannot be read as Python" in f.text for f in told(diagnosis, level))
+
+
 def test_unit_without_a_binary_for_this_machine(tmp_path):
     diagnosis = examine(make_unit(tmp_path / "a.fmu", files={"binaries/beos32/pump.so": ""}))
     (missing,) = told(diagnosis, Level.MISSING)

@@ -120,6 +120,22 @@ def test_a_location_without_resources_is_told_and_makes_no_instance(answers, ver
     assert f'"file:///nowhere/50{percent}"' in told and "hand in the folder resources" in told
 
 
+def test_files_of_the_resources_that_were_altered_are_named_and_make_no_instance(answers, version):
+    """The exporters ended the host with a segmentation fault, or never came back."""
+    *refused, made = answers["altered"]
+    assert [there for there, _ in refused] == [False] * 8 and made == [True, []]
+    named = ["slavemodule.txt"] * 5 + [f"lcmchain_unit_fmi{version}.py"] * 2
+    for name, (_, texts) in zip(named, refused):
+        (told,) = texts
+        assert told.startswith(f"resources/{name} is not as it was built; unpack the unit again")
+    (told,) = refused[-1][1]
+    assert "the resources of the unit are missing or damaged" in told
+
+
+def test_an_instance_goes_on_where_nobody_reads_what_it_prints(answers):
+    assert answers["unread"] == [ERROR, 2, 0]
+
+
 def test_names_and_locations_that_are_no_utf8_make_no_instance(answers):
     assert answers["instances"]["named"] == [False] * 5 + [True]
     assert not answers["instances"]["latin"]
@@ -164,6 +180,13 @@ def test_getters_with_another_number_of_values_are_refused_and_read_what_there_i
     assert found["first"] == 0, "masters without arrays ask for one value of a field"
 
 
+def test_texts_of_another_number_than_their_references_are_refused(answers, version):
+    if version == 2:
+        pytest.skip("FMI 2.0 has one number for both")
+    assert answers["values"]["texts"] == [ERROR] * 4
+    assert answers["values"]["discarded"] == 2, "the step after a refused call"
+
+
 def test_modes_that_are_not_offered_are_refused(answers, version):
     if version == 2:
         pytest.skip("FMI 2.0 has none")
@@ -187,7 +210,7 @@ def functions(content, version):
 
 def test_every_function_that_takes_an_instance_is_the_guards(version):
     original = exporter(version)
-    changed = guarded(original, version, [TIME])
+    changed = guarded(original, version, [TIME], b"")
     before, after = functions(original, version), functions(changed, version)
     left = {name for name in before if before[name] == after[name]}
     assert left == FREE_OF_INSTANCES & set(before) and len(before) > 30
@@ -205,7 +228,7 @@ def test_the_guard_reads_the_time_wherever_it_stands_among_the_variables(version
     (told,) = (
         entry for entry in model_description(unit, version).iter() if entry.get("name") == "time"
     )
-    _, time = struct.unpack_from("<2I", unit_table(unit.variables, arrays=version == 3))
+    _, time = struct.unpack_from("<2I", unit_table(unit.variables, b"", arrays=version == 3))
     assert time == int(told.get("valueReference")) == {2: 4, 3: 2}[version]
 
 
@@ -214,20 +237,20 @@ def test_an_exporter_that_the_guard_does_not_know_is_refused(
 ):
     other = exporter(version).replace(f"fmi{version}Reset".encode(), f"fmi{version}Other".encode())
     with pytest.raises(LinkError, match=f"no fmi{version}Reset"):
-        guarded(other, version, [TIME])
+        guarded(other, version, [TIME], b"")
     more = exporter(version).replace(
         f"fmi{version}GetVersion".encode(), b"fmi%dNewFeature" % version
     )
     with pytest.raises(LinkError, match=f"no fmi{version}NewFeature"):
-        guarded(more, version, [TIME])
-    monkeypatch.setattr(build, "guarded", lambda *_: guarded(other, version, [TIME]))
+        guarded(more, version, [TIME], b"")
+    monkeypatch.setattr(build, "guarded", lambda *_: guarded(other, version, [TIME], b""))
     with pytest.raises(InputError, match="install an earlier one"):
         build.build_fmu(patch_file, tmp_path / "patch.fmu", fmi=version)
 
 
 @pytest.mark.parametrize("content", [b"", b"MZ another system", b"\x7fELF\x02\x01\x01"])
 def test_what_is_no_library_of_this_kind_is_left_as_it_is(content):
-    assert guarded(content, 3, [TIME]) == content
+    assert guarded(content, 3, [TIME], b"") == content
 
 
 def test_the_object_is_that_of_its_sources(version):

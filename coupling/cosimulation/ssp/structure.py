@@ -279,10 +279,13 @@ class Structure:
 
         Raises
         ------
-        InputError : they lead in a circle, or transform a value more than once.
+        InputError : they lead in a circle, transform a value more than once, or transform it in
+            another unit of measurement than that of their ends.
         """
-        transformation, seen = Transformation(), {node}
+        transformation, seen, last = Transformation(), {node}, node
+        transformed: tuple[Node, Node] | None = None
         while node in self.edges:
+            end = node
             node, step = self.edges[node]
             if node in seen:
                 raise InputError(f"the connections of {node_text(node)} lead in a circle")
@@ -293,10 +296,27 @@ class Structure:
                         f"a value from {node_text(node)} is transformed more than once on its way; "
                         "one transformation for a connection is read"
                     )
-                transformation = step
+                transformation, transformed = step, (node, end)
             if node[0] in self.sources:
                 break
+        if transformed is not None:
+            self._require_unit(transformed[1], last)
+            if not transformation.convert_units:
+                self._require_unit(transformed[0], node)
         return node, transformation
+
+    def _require_unit(self, passed: Node, end: Node) -> None:
+        """Refuse a connection that is transformed at a connector with another unit than its end's.
+
+        The one connection that is read transforms the value in the unit of its end.
+        """
+        there, here = self.connector_units.get(passed), self.connector_units.get(end)
+        if there is not None and here is not None and there != here:
+            raise InputError(
+                f"a value is transformed, or its unit not converted, at {node_text(passed)} in "
+                f'"{there}", but {node_text(end)} is in "{here}"; give both the same unit, and the '
+                "transformation to it"
+            )
 
 
 def node_text(node: Node) -> str:

@@ -1,5 +1,6 @@
 """Archives and XML from elsewhere are unpacked safely or refused, with the reason."""
 
+import os
 import stat
 import struct
 import zipfile
@@ -33,6 +34,22 @@ def test_an_archive_is_unpacked_with_its_folders(tmp_path):
     assert (folder / "resources/deep/a.txt").read_text() == "text"
     assert (folder / "binaries").is_dir()
     assert read_member(path, "modelDescription.xml") == b"<x/>"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of POSIX")
+def test_a_folder_without_room_is_not_blamed_on_the_archive(tmp_path):
+    import resource
+
+    path = archive_of(tmp_path / "a.fmu", ("small", "1"), ("large", bytes(1 << 20)))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, before[1]))
+    try:
+        with pytest.raises(InputError, match="out.*free some space there.*TMPDIR") as caught:
+            unpack(path, tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "ask for a sound one" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from lcmchain.coupling.cosimulation import stopping
 from lcmchain.coupling.cosimulation.process_instance import ProcessInstance
 from lcmchain.coupling.cosimulation.run import CHECKPOINT, run_system
 from lcmchain.coupling.cosimulation.system_file import system_from
+from lcmchain.coupling.cosimulation.temporary_folder import temporary_folder
 from lcmchain.errors import InputError, SimulationError, SimulationInterrupted
 
 EXIT, EXIT_0, ABORT, CRASH, HANG, CHILD = 1, 2, 3, 4, 5, 6
@@ -346,3 +347,38 @@ def test_the_process_of_a_unit_ends_with_a_master_that_was_killed(units, tmp_pat
             break
         time.sleep(0.1)
     assert not _at_work(child)
+
+
+HOLDER = """
+import sys, time
+from lcmchain.coupling.cosimulation.temporary_folder import temporary_folder
+
+with temporary_folder("lcmchain-held-") as folder:
+    (folder / "unit.so").write_text("x")
+    print(folder.parent, flush=True)
+    time.sleep(60)
+"""
+
+
+def test_folders_that_killed_processes_have_left_are_removed_by_the_next(temporary):
+    """Only those: one that is in use, one that may not be locked yet, and a link stay."""
+    other = temporary.parent / "other"
+    (other / "content").mkdir(parents=True)
+    (other / "lock").touch()
+    with subprocess.Popen([sys.executable, "-P", "-c", HOLDER], stdout=subprocess.PIPE) as holder:
+        folder = Path(os.fsdecode(holder.stdout.readline().strip()))
+        link = temporary / "lcmchain-held-link"
+        link.symlink_to(other)
+        os.utime(folder, (0.0, 0.0))
+        os.utime(other, (0.0, 0.0))
+        with temporary_folder("lcmchain-held-"):
+            assert (folder / "content" / "unit.so").exists()
+        holder.kill()
+    os.utime(folder)
+    with temporary_folder("lcmchain-held-"):
+        assert folder.exists()
+    os.utime(folder, (0.0, 0.0))
+    with temporary_folder("lcmchain-held-") as present:
+        assert not folder.exists() and list(present.iterdir()) == []
+    assert (other / "lock").exists()
+    link.unlink()

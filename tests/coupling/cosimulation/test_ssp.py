@@ -77,6 +77,7 @@ def pack(units, path, text, *sources, **files):
     return path
 
 
+LINEAR = {"more": '<ssc:LinearTransformation factor="2"/>'}
 NESTED = (
     '<ssd:System name="root"><ssd:Connectors>' + real("load", "input", "kN") + "</ssd:Connectors>"
     '<ssd:ParameterBindings><ssd:ParameterBinding source="set.ssv"/>'
@@ -394,3 +395,38 @@ def test_a_description_that_stands_alone_is_read_beside_its_units(units, tmp_pat
     with pytest.raises(InputError, match=r"bare\.ssd: the archive holds no none\.fmu"):
         with _read(tmp_path / "bare.ssd", ()):
             pass
+
+
+@pytest.mark.parametrize(
+    "unit, outer, inner, words",
+    [
+        ("K", LINEAR, {}, None),
+        ("degF", LINEAR, {}, 'at nest.t in "degF", but nest.sensor.temperature is in "K"'),
+        ("degC", {"suppressUnitConversion": "true"}, {}, 'at nest.t in "degC", but nest.sensor'),
+        ("degC", {}, {"suppressUnitConversion": "true"}, None),
+        ("K", {}, {"suppressUnitConversion": "true"}, 'at nest.t in "K", but kettle.temperature'),
+    ],
+)
+def test_a_transformation_in_a_unit_between_those_of_the_ends_is_refused(
+    units, tmp_path, unit, outer, inner, words
+):
+    """It would be done in the unit of the component: 20 degC twice are 136 degF, and not 586 K."""
+    nest = (
+        f'<ssd:System name="nest"><ssd:Connectors>{real("t", "input", unit)}</ssd:Connectors>'
+        "<ssd:Elements>" + component("sensor", "Sensor_3", real("temperature", "input", "K"))
+        + "</ssd:Elements><ssd:Connections>" + connection("t", "sensor/temperature", **inner)
+        + "</ssd:Connections></ssd:System>"
+    )  # fmt: skip
+    text = (
+        '<ssd:System name="root"><ssd:Elements>'
+        + component("kettle", "Kettle_2", real("temperature", "output", "degC")) + nest
+        + "</ssd:Elements><ssd:Connections>" + connection("kettle/temperature", "nest/t", **outer)
+        + "</ssd:Connections></ssd:System>"
+    )  # fmt: skip
+    path = pack(units, tmp_path / "t.ssp", structure(text), "Kettle_2", "Sensor_3")
+    if words is None:
+        (link,) = read_ssp(path, tmp_path / "in", ["window=1 s"]).connections
+        assert link.factor == (2.0 if outer else 1.0) and link.convert_units == (not inner)
+    else:
+        with pytest.raises(InputError, match=re.escape(words)):
+            read_ssp(path, tmp_path / "in", ["window=1 s"])
