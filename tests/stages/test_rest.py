@@ -14,9 +14,9 @@ from lcmchain.judgements.quasi_static import rest_warnings
 from lcmchain.pipeline import run
 from lcmchain.report.chapters import stage_chapters
 from lcmchain.scene import scene_from_text
-from lcmchain.solver.rest import _stop
+from lcmchain.solver.rest import _stop, calm
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL, REST_STOPS
+from lcmchain.state import EXTERNAL, REST_LAST, REST_PEAK, REST_SCALE, REST_STOPS
 
 MS = 1e-3
 
@@ -171,6 +171,28 @@ def test_a_stage_that_was_stopped_on_its_way_is_not_told_to_be_restless():
     (told,) = rest_warnings({"stages": [{"name": "release", "rest": rest}]})
     assert "release" in told
     assert rest_warnings({"stages": [{"name": "release", "rest": rest | {"ended": False}}]}) == []
+
+
+def test_a_stage_that_ends_just_after_a_stop_tells_the_peak_of_that_stop():
+    """The swing that has only begun has no peak yet, and would pass for rest."""
+    scene = scene_from_text(BENT)
+    simulation = Simulation.from_scene(scene)
+    frames = (simulation.snapshot(),)
+    simulation.advance_to(61.0 * MS)
+    simulation.state.rest[1, REST_SCALE] = 1e-3
+    simulation.state.rest[1, REST_LAST] = simulation.state.rest[1, REST_PEAK] = 1e-5
+    simulation.state.velocity[:] = 0.0
+    calm(simulation.model, simulation.state, simulation.stored_energy)
+    assert simulation.state.rest[1, REST_PEAK] == 0.0  # it was stopped
+    datasets = forming_datasets(scene, simulation, frames)
+    rest = stage_summary(simulation.model, simulation.state, datasets)["stages"][1]["rest"]
+    assert rest["reached_s"] is None and rest["energy_part"] == pytest.approx(0.01)
+
+
+def test_a_stage_without_time_for_a_swing_is_told_so():
+    rest = {"reached_s": None, "energy_part": 0.0, "wanted": 1e-4, "stops": 0, "ended": True}
+    (told,) = rest_warnings({"stages": [{"name": "release", "rest": rest}]})
+    assert "too little time" in told and "came to" not in told
 
 
 def test_a_sheet_starts_from_a_stop_with_half_a_step():
