@@ -127,8 +127,11 @@ def run(
         kind = _Job if scene.element.has_forces else _DrapingJob
         job = kind(scene, results, threads, account, resume=resume)
         checkpoint = job.checkpoint() if resume else None
-        job.end_with(until_stage, checkpoint)
         other = None if start_from is None else job.other_run(Path(start_from), resume=resume)
+        if other is None:
+            job.end_with(until_stage, checkpoint, folder)
+        else:
+            job.end_with(until_stage, other, job.other_folder)
         job.build()
         if other is not None:
             checkpoint = job.started_from(other)
@@ -184,8 +187,12 @@ class _Job:
             )
         return read_checkpoint(self.folder, self.fingerprint, values=written_values(self.scene))
 
-    def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
+    def end_with(self, stage: str | None, checkpoint: Checkpoint | None, folder: Path) -> None:
         """Let the run end with a stage; without one with the process.
+
+        Parameters
+        ----------
+        checkpoint : from which the run goes on, of the run in ``folder``.
 
         Raises
         ------
@@ -199,7 +206,7 @@ class _Job:
         end = self.scene.stage_plans()[number].end
         if checkpoint is not None and checkpoint.state.time > end:
             raise InputError(
-                f'"{stage}" ended at {1e3 * end:.4g} ms, but the run in {self.folder} has come to '
+                f'"{stage}" ended at {1e3 * end:.4g} ms, but the run in {folder} has come to '
                 f"{1e3 * checkpoint.state.time:.4g} ms already; name a later stage",
                 key=UNTIL,
             )
@@ -534,7 +541,7 @@ class _DrapingJob(_Job):
     def checkpoint(self) -> Checkpoint | None:
         return None  # draping takes less time than reading one
 
-    def end_with(self, stage: str | None, checkpoint: Checkpoint | None) -> None:
+    def end_with(self, stage: str | None, checkpoint: Checkpoint | None, folder: Path) -> None:
         if stage is not None:
             raise InputError("names a stage, but draping makes one step; leave it out", key=UNTIL)
 

@@ -72,7 +72,8 @@ REST_TIME = 3  # when the sheet was at rest [s]; 0 before
 REST_STOPS = 4  # how often it was stopped at a peak
 REST_STOPPED = 5  # when it was stopped last [s]
 REST_SWING = 6  # longest time from a stop to the next one [s]
-REST_ENTRIES = 7
+REST_LEFT = 7  # kinetic energy of the peak at which the sheet was stopped last [J]
+REST_ENTRIES = 8
 
 # Entries of ``State.tool_stopped``.
 STOPPED_TIME = 0  # [s], infinite where the tool was not stopped

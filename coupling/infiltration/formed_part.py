@@ -393,7 +393,8 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
         "source_sha256": file_sha256(path),
     }  # fmt: skip
     part = FormedPart(target, mesh.dataset(variables, attributes), str(path), tuple(target.notes))
-    return with_own_permeability(part, preform.permeability, np.arange(count))
+    rows = np.arange(count)
+    return with_own_permeability(part, preform.permeability, rows, "preform.permeability")
 
 
 def part_of_case(
@@ -448,7 +449,9 @@ def require_origin(part: FormedPart, preform: Preform | None) -> None:
         )
 
 
-def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndarray) -> FormedPart:
+def with_own_permeability(
+    part: FormedPart, own: OwnPermeability, cells: np.ndarray, key: str
+) -> FormedPart:
     """Return the part with a permeability along an axis in some cells.
 
     The larger value is the first, as in every result.
@@ -457,12 +460,13 @@ def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndar
     ----------
     own : the permeability and its axis.
     cells : rows.
+    key : of the permeability, for a message.
 
     Raises
     ------
     InputError : the axis is normal to one of the cells, and there is a ratio.
     """
-    first, second = axes_in_plane(part, cells, own)
+    first, second = axes_in_plane(part, cells, own, key)
     values = np.array([own.k1, own.ratio * own.k1])
     if own.ratio > 1.0:
         first, second, values = second, -first, values[::-1]
@@ -486,7 +490,7 @@ def with_own_permeability(part: FormedPart, own: OwnPermeability, cells: np.ndar
 
 
 def axes_in_plane(
-    part: FormedPart, cells: np.ndarray, own: OwnPermeability
+    part: FormedPart, cells: np.ndarray, own: OwnPermeability, key: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the axis of a permeability in the planes of cells, and the one across it, (n, 3) each.
 
@@ -494,7 +498,7 @@ def axes_in_plane(
 
     Raises
     ------
-    InputError : the axis is normal to a cell, and its direction counts.
+    InputError : the axis is normal to a cell, and its direction counts; names the ``key``.
     """
     normals = part.target.surface.normals[cells]
     axis = np.array(own.axis)
@@ -506,7 +510,7 @@ def axes_in_plane(
         raise InputError(
             f"the axis ({', '.join(f'{x:g}' for x in axis)}) of the permeability stands on "
             f"{part.place(cell)}; give one that has a direction in its plane, or regions",
-            key="permeability.axis",
+            key=f"{key}.axis",
         )
     if normal_to.any():
         n = normals[normal_to]

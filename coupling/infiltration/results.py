@@ -276,10 +276,16 @@ class FilledPart:
 
     @property
     def pore_volume(self) -> float:
-        """Volume of all pores at the end [m³], with those of a flow medium."""
+        """Volume of all pores at the end [m³], with those of a flow medium and of race tracks."""
         open_height = self.thickness[-1] * (1.0 - self.fibre_volume_fraction[-1])
         above = 0.0 if self.layer is None else self.layer.pore_volume
-        return float(self.setup.mesh.areas @ open_height) + above
+        beside = self._medium.network.track_volume.sum() if self.setup.race_tracks else 0.0
+        return float(self.setup.mesh.areas @ open_height) + above + float(beside)
+
+    @cached_property
+    def _medium(self) -> Medium:
+        mesh, preform, links = self.setup.layers()
+        return Medium(mesh, preform, self.setup.race_tracks, links=links)
 
     @property
     def is_pressed(self) -> bool:
@@ -317,9 +323,8 @@ class FilledPart:
         Compressed air leaves a bubble. Without compressed air a pocket fills as far as the time
         allows.
         """
-        setup = self.setup
-        mesh, preform, links = setup.layers()
-        medium = Medium(mesh, preform, setup.race_tracks, links=links)
+        setup, medium = self.setup, self._medium
+        mesh, preform, _ = setup.layers()
         of_layer = preform.of_cells(mesh.cell_count).thickness[setup.mesh.cell_count :]
         pores = medium.pores(np.concatenate([self.thickness[-1], of_layer]))
         room = np.where(self.state.full, 0.0, pores - self.state.resin_volume)

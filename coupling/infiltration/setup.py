@@ -215,9 +215,10 @@ def _with_regions(
             dataset[of_ply] = dataset[of_ply].copy(data=scaled)
         dataset[name] = dataset[name].copy(data=values)
     part = with_permeability(replace(part, dataset=dataset), case.permeability, directory)
-    for region, rows in zip(case.regions, cells, strict=True):
+    for (key, region), rows in zip(_keyed("regions", case.regions), cells, strict=True):
         if region.own_permeability is not None:
-            part = with_own_permeability(part, region.own_permeability, rows)
+            own = region.own_permeability
+            part = with_own_permeability(part, own, rows, f"{key}.own_permeability")
     dataset = part.dataset.copy()
     for name in PERMEABILITIES:
         if name in dataset:
@@ -291,10 +292,7 @@ def _flow_medium(
     if entry.over is not None:
         cells = places.cells_of(entry.over, "flow_medium.over")
     permeability = entry.permeability
-    try:
-        first, second = axes_in_plane(part, cells, permeability)
-    except InputError as error:
-        raise InputError(error.message, key="flow_medium.permeability.axis") from None
+    first, second = axes_in_plane(part, cells, permeability, "flow_medium.permeability")
     k1, k2 = permeability.k1, permeability.ratio * permeability.k1
     tensor = np.einsum("ci,cj->cij", first, first) * k1
     tensor += np.einsum("ci,cj->cij", second, second) * k2
@@ -329,19 +327,21 @@ def _race_track(
 
 
 def _require_apart(gates: Sequence[Gate], vents: Sequence[Vent], places: Places) -> None:
-    for number, gate in enumerate(gates):
-        others: list[Gate | Vent] = [*gates[number + 1 :], *vents]
-        for other in others:
-            shared = np.intersect1d(gate.nodes, other.nodes)
-            if len(shared) and not gate.schedule.is_apart_from(other.schedule):
-                raise InputError(
-                    f"shares {len(shared)} nodes with "
-                    f'{"the vent" if isinstance(other, Vent) else "the gate"} "{other.name}" '
-                    f"(node {places.node_number(shared[0])} at "
-                    f"{place_text(places.points[shared[0]])}); a node is one of them at a time: "
-                    "let one close before the other opens, or move it",
-                    key=f'gates[{number}] "{gate.name}"',
-                )
+    keyed: list[tuple[str, Gate | Vent]] = [
+        *((f'gates[{number}] "{gate.name}"', gate) for number, gate in enumerate(gates)),
+        *((f'vents[{number}] "{vent.name}"', vent) for number, vent in enumerate(vents)),
+    ]
+    for (key, one), (_, other) in combinations(keyed, 2):
+        shared = np.intersect1d(one.nodes, other.nodes)
+        if len(shared) and not one.schedule.is_apart_from(other.schedule):
+            raise InputError(
+                f"shares {len(shared)} node{'s' * (len(shared) > 1)} with "
+                f'{"the vent" if isinstance(other, Vent) else "the gate"} "{other.name}" '
+                f"(node {places.node_number(shared[0])} at "
+                f"{place_text(places.points[shared[0]])}); a node is one of them at a time: "
+                "let one close before the other opens, or move it",
+                key=key,
+            )
 
 
 def _require_reached(

@@ -194,8 +194,9 @@ def _title_of(filled: FilledPart, report: FillingReport) -> str:
 
 def write_filling(path: Path, filled: FilledPart, report: FillingReport) -> None:
     """Write the netCDF file of a filling, whole or not at all."""
+    kind = "" if report.name == "infiltration" else ": infiltration"
     about = {
-        "title": f"{_title_of(filled, report)}: infiltration",
+        "title": f"{_title_of(filled, report)}{kind}",
         "filling_warnings": "\n".join(report.warnings),
     }
     write_netcdf(path, filling_groups(filled, about))

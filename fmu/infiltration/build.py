@@ -29,6 +29,7 @@ from lcmchain.mapping.interface import Interface, Patches, read_interface
 from lcmchain.mapping.structure.mapped_file import is_mapped
 from lcmchain.scene import Scene, read_scene
 from lcmchain.scene.infiltration import Infiltration
+from lcmchain.scene.reading.read import directory_of, read_text
 from lcmchain.scene.reading.single_tables import is_scene_file, read_infiltration
 
 
@@ -101,7 +102,7 @@ def build_infiltration_fmu(
                 source, the_case.preform, length_unit=options.length_unit, frame=options.frame,
                 allow_incomplete=options.allow_incomplete,
             )  # fmt: skip
-        setup = set_up(part, the_case, Path(case).resolve().parent)
+        setup = set_up(part, the_case, directory_of(Path(case)))
         interface = _interface(setup, options.interface, resources)
         write_part(resources / PART_FOLDER, _without_path(part))
         title = f"interface of {unit['name']}"
@@ -175,11 +176,11 @@ def _stage_case(
     folder.mkdir()
     moved = []
     try:
-        shutil.copyfile(case, folder / "case.toml")
+        (folder / "case.toml").write_bytes(read_text(case).encode("utf-8"))
         law = getattr(the_case.permeability, "file", None)
         if law is not None:
             place = f"law_{Path(law).name}"
-            shutil.copyfile(case.resolve().parent / law, folder / place)
+            shutil.copyfile(directory_of(case) / law, folder / place)
             moved.append(f"permeability.file={json.dumps(place)}")
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=error.filename) from None

@@ -291,12 +291,14 @@ def fill(
     quiet: Quiet = False,
 ) -> None:
     """Fill the formed part with resin: front, pressure, dry spots."""
+    from lcmchain.scene.reading.read import is_pipe
+
     if source.is_dir():
         raise InputError("is a folder; name the forming.nc in it, or a scene", file=source)
-    if not source.is_file():
+    if not source.is_file() and not is_pipe(source):
         raise InputError("there is no such file", file=source)
     options = _options(frame, allow_incomplete, resume)
-    if source.suffix == SCENE_SUFFIX:
+    if source.suffix == SCENE_SUFFIX or is_pipe(source):
         for option, value in (("--case", case), ("--mesh", mesh)):
             if value is not None:
                 raise InputError(

@@ -14,7 +14,7 @@ from lcmchain.fields.sheet import sheet_positions
 from lcmchain.fields.ugrid import TIME, UgridMesh, Variable
 from lcmchain.quantities.fields import FIELDS
 from lcmchain.scene.stages import plies_there, stage_at
-from lcmchain.state import REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
+from lcmchain.state import REST_LEFT, REST_PEAK, REST_SCALE, REST_STOPS, REST_TIME
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -128,8 +128,9 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
     ``stages``: of every stage that has begun ``name``, ``start_s``, ``end_s`` and the ``tools`` at
     work; where plies are laid down later the ``plies`` that are there; of one that ends at rest
     ``rest`` with ``reached_s``, when it was reached, or None, ``energy_part``, the last peak of the
-    kinetic energy over what was stored, ``wanted``, the part below which the sheet is at rest,
-    ``stops``, and whether the stage ``ended``.
+    kinetic energy over what was stored (of a swing that the stage has cut off, no less than the
+    peak before it), ``wanted``, the part below which the sheet is at rest, ``stops``, and whether
+    the stage ``ended``.
     ``springback_max_m``, ``springback_mean_m`` of the last frame, where there is one.
     """
     if not model.stages:
@@ -147,11 +148,12 @@ def stage_summary(model: Model, state: State, datasets: Mapping[str, xr.Dataset]
         if stage.rest_energy is not None:
             rest = state.rest[number]
             reached = float(rest[REST_TIME])
+            peak = float(rest[REST_PEAK])
+            if reached == 0.0:  # the swing since the last stop is not over
+                peak = max(peak, float(rest[REST_LEFT]))
             entry["rest"] = {
                 "reached_s": reached if reached > 0.0 else None,
-                "energy_part": float(rest[REST_PEAK] / rest[REST_SCALE])
-                if rest[REST_SCALE] > 0.0
-                else None,
+                "energy_part": peak / float(rest[REST_SCALE]) if rest[REST_SCALE] > 0.0 else None,
                 "wanted": stage.rest_energy,
                 "stops": int(rest[REST_STOPS]),
                 "ended": bool(state.time >= stage.end * (1.0 - 1e-12)),

@@ -493,7 +493,9 @@ def rest_warnings(summary: Mapping[str, Any]) -> list[str]:
             continue
         part = rest["energy_part"]
         how = "its motions took all of the time"
-        if part is not None:
+        if part is not None and part <= rest["wanted"]:
+            how = "its motions left too little time to see whether it swings"
+        elif part is not None:
             how = (
                 f"in its last swing the kinetic energy came to {part:.2g} of what was stored, "
                 f"wanted is {rest['wanted']:g}"

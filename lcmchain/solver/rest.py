@@ -27,6 +27,7 @@ from lcmchain.state import (
     LAST_STEP,
     MASS_DAMPING,
     REST_LAST,
+    REST_LEFT,
     REST_PEAK,
     REST_SCALE,
     REST_STOPPED,
@@ -73,7 +74,8 @@ def calm(model: Model, state: State, stored: Callable[[], float]) -> None:
         _stop(model, state, stored)
         rest[REST_STOPS] += 1
         rest[REST_SWING] = max(rest[REST_SWING], waited)
-        rest[REST_STOPPED], rest[REST_LAST], rest[REST_PEAK] = state.time, 0.0, 0.0
+        rest[REST_STOPPED], rest[REST_LAST] = state.time, 0.0
+        rest[REST_LEFT], rest[REST_PEAK] = rest[REST_PEAK], 0.0
     elif rest[REST_PEAK] <= largest and rest[REST_TIME] == 0.0:
         least = LEAST_SWING * (stage.end - stage.start)
         if waited >= max(rest[REST_SWING], least):

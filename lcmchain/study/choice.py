@@ -344,14 +344,16 @@ def _plan(
     """Return the coarsest mesh on which settings meet a requirement, and the worst error over it.
 
     Where an error is beyond every mesh, nothing is saved at its expense: the mesh is not coarser
-    than the scene's, and its settings are to be off by no more than the scene's ``own``.
+    than the scene's, and its settings are to be off by no more than the scene's ``own``. The mesh
+    is not coarser either where pilots tell nothing of an error.
     """
     edge, why, notes = known.levels[0].edge, "the coarsest pilot will do", []
-    given_up = []
+    given_up, untold = [], ""
     for name, allowed in requirement.errors.items():
         title = BY_NAME[name].title
         if name not in known.laws:
-            notes.append(f"the pilots tell nothing of the {title}")
+            untold = f"the pilots tell nothing of the {title}"
+            notes.append(untold)
             continue
         law = known.laws[name]
         left = (MARGIN * allowed) ** 2 - candidate.errors.get(name, 0.0) ** 2
@@ -369,6 +371,8 @@ def _plan(
             edge, why = needed, f"the {title} needs edges of {mm(needed)}"
     if given_up and known.own_edge < edge:
         edge, why = known.own_edge, "no mesh meets the requirement, and these are the scene's"
+    if untold and known.own_edge < edge:
+        edge, why = known.own_edge, f"{untold}, and these are the scene's"
     affordable = known.affordable(candidate)
     if affordable > edge or (known.left is not None and not requirement.errors):
         edge, why = affordable, f"edges of {mm(affordable)} are what the time allows"

@@ -24,7 +24,7 @@ from lcmchain.provenance import run_fingerprint
 from lcmchain.quantities.units import QuantityError, parse_quantity
 from lcmchain.scene import Scene, on_rung, scene_from_text
 from lcmchain.scene.reading.overrides import parse_value
-from lcmchain.scene.reading.read import read_text
+from lcmchain.scene.reading.read import is_pipe, read_text
 from lcmchain.solver.simulation import Simulation
 from lcmchain.study.outcome import Outcome, outcome_of, outcome_of_sheet
 
@@ -311,6 +311,7 @@ class SceneText:
     Parameters
     ----------
     text : TOML. path : file it came from; mesh files that tools name are relative to its folder.
+        Of what came through a pipe a name in the current folder: other processes lack the pipe.
     overrides : that hold for the whole study, before those of a variant.
     model : rung of the model ladder for the whole study; None is that of the scene.
     """
@@ -333,7 +334,9 @@ class SceneText:
         path = Path(path)
         if path.is_dir():
             raise InputError("is a folder; name the scene file in it", file=path)
-        return cls(read_text(path), str(path.resolve()), tuple(overrides), model)
+        text = read_text(path)
+        whole = Path.cwd() / "stdin" if is_pipe(path) else path.resolve()
+        return cls(text, str(whole), tuple(overrides), model)
 
     def scene(self, overrides: tuple[str, ...] = (), model: str | None = None) -> Scene:
         """Return the scene with further overrides, on a rung of its own where one is named.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from lcmchain.report.chapters import stage_chapters
 from lcmchain.scene import scene_from_text
 from lcmchain.solver.rest import _stop
 from lcmchain.solver.simulation import Simulation
-from lcmchain.state import EXTERNAL, REST_STOPS
+from lcmchain.state import EXTERNAL, REST_ENTRIES, REST_LEFT, REST_SCALE, REST_STOPS
 
 MS = 1e-3
 
@@ -171,6 +172,25 @@ def test_a_stage_that_was_stopped_on_its_way_is_not_told_to_be_restless():
     (told,) = rest_warnings({"stages": [{"name": "release", "rest": rest}]})
     assert "release" in told
     assert rest_warnings({"stages": [{"name": "release", "rest": rest | {"ended": False}}]}) == []
+
+
+def test_a_stage_that_ends_just_after_a_stop_tells_the_peak_of_that_stop():
+    """The swing that has only begun has no peak yet, and would pass for rest."""
+    stage = SimpleNamespace(
+        name="release", start=0.0, end=1.0, tools_at_work=(), absent=None, rest_energy=1e-4
+    )
+    model = SimpleNamespace(stages=[stage], stage=0, tool_names=())
+    rest = np.zeros((1, REST_ENTRIES))
+    rest[0, REST_SCALE], rest[0, REST_LEFT] = 1e-3, 1e-5
+    state = SimpleNamespace(time=1.0, rest=rest)
+    found = stage_summary(model, state, {"/": {}})["stages"][0]["rest"]
+    assert found["reached_s"] is None and found["energy_part"] == pytest.approx(0.01)
+
+
+def test_a_stage_without_time_for_a_swing_is_told_so():
+    rest = {"reached_s": None, "energy_part": 0.0, "wanted": 1e-4, "stops": 0, "ended": True}
+    (told,) = rest_warnings({"stages": [{"name": "release", "rest": rest}]})
+    assert "too little time" in told and "came to" not in told
 
 
 def test_a_sheet_starts_from_a_stop_with_half_a_step():

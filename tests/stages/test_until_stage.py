@@ -119,6 +119,13 @@ def test_later_stages_may_be_others_and_longer(pressed, tmp_path):
     assert again.summary["state"] == "complete"
 
 
+def test_a_run_does_not_end_with_a_stage_before_its_start(whole, tmp_path):
+    scene, held = staged(*NAMES, overrides=FAST), tmp_path / "held"
+    run(scene, held, threads=1, until_stage="hold")
+    with pytest.raises(InputError, match="^--until-stage.*press.*4 ms.*held has come to 5 ms"):
+        run(scene, tmp_path / "from", threads=1, start_from=held, until_stage="press")
+
+
 @pytest.mark.parametrize(
     ("override", "key"),
     [

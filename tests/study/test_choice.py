@@ -269,6 +269,19 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_requirement_is_told(dent, tm
     assert "is not met" in choice.missed()
 
 
+def test_a_requirement_that_no_pilot_tells_of_takes_no_coarser_mesh_than_the_scene(dent, tmp_path):
+    """One pilot fits into the budget, which tells times alone; the mesh of the scene does too."""
+    text = replace(dent, overrides=('blank.edge_length="3 mm"',))
+    known = Known(text, tmp_path, read_requirement("5 deg shear", "4 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    assert len(known.pilots) == 1 and choice.edge_length == pytest.approx(3e-3)
+    assert choice.why == "the pilots tell nothing of the shear angle, and these are the scene's"
+    # what the time does not allow is not taken for it
+    known = Known(text, tmp_path, read_requirement("5 deg shear", "2 s"), 1.0, 0.5)
+    choice = known.run(known.make)
+    assert choice.edge_length > 3e-3 and "what the time allows" in choice.why
+
+
 def test_a_budget_takes_softer_fibres_where_all_errors_fall_by_them(dent, tmp_path):
     edges = {}
     for of_fibres in (0.0, 0.5):

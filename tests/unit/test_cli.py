@@ -1,11 +1,13 @@
 """The command line: quick help, thin commands, exit codes, and what is left on disk."""
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
 import types
 import warnings
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,6 +21,8 @@ from lcmchain.commands.terminal import show_python_warnings
 from lcmchain.errors import InputError, SimulationError
 from lcmchain.manual.command_reference import leaf_commands
 from lcmchain.scene import read_scene, scene_from_text
+from lcmchain.scene.reading.single_tables import is_scene_file
+from lcmchain.study.sources import SceneText
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -223,6 +227,45 @@ def test_default_folder_is_named_after_the_scene():
         "results/hemisphere_free"
     )
     assert default_out(Path("dome.toml")) == Path("results/dome")
+
+
+@contextmanager
+def piped(text):
+    """Yield the path of a pipe that holds a text, as <(...) of a shell does."""
+    reading, writing = os.pipe()
+    os.write(writing, text.encode())
+    os.close(writing)
+    try:
+        yield Path(f"/dev/fd/{reading}")
+    finally:
+        os.close(reading)
+
+
+SCENE_TEXT = """
+process = { time = "1 ms" }
+blank = { size = ["4 mm", "4 mm"], edge_length = "2 mm" }
+material = { preset = "MD600" }
+"""
+
+
+def test_a_scene_from_a_pipe_is_read_as_often_as_a_command_needs_it(tmp_path, monkeypatch):
+    """Files that it names are looked up in the current folder, also by studies."""
+    monkeypatch.chdir(tmp_path)
+    with piped(SCENE_TEXT) as path:
+        first, second = read_scene(path), read_scene(path)
+        assert is_scene_file(path)
+        study = SceneText.from_file(path)
+    assert first.source.text == second.source.text == SCENE_TEXT
+    assert study.scene().source.directory == tmp_path
+    with piped("title = 1") as path:
+        assert not is_scene_file(path)  # another pipe is another text
+
+
+def test_a_scene_from_a_pipe_is_filled_as_one_of_a_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with piped(SCENE_TEXT) as path:
+        assert exit_code("fill", path) == 2
+    assert "the scene has no infiltration" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("path", ["/dev/stdin", "/dev/fd/63", "/proc/self/fd/0"])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
+import os
 import re
 import stat
 import tomllib
@@ -44,6 +45,10 @@ LONGEST_LIST = 1800
 #: What stands before an override in the text of a scene that results hold.
 OVERRIDE = "# --set "
 
+#: What came through pipes without a name, as <(...) of a shell, by where they are. They can be read
+#: once, while commands look at a scene several times.
+_OF_PIPES: dict[str, bytes] = {}
+
 
 def read_scene(path: str | Path, overrides: Sequence[str] | str = ()) -> Scene:
     """Read and validate a scene file.
@@ -74,8 +79,7 @@ def read_text(path: Path) -> str:
     InputError : it is absent or unreadable, or far too large.
     """
     try:
-        with open(path, "rb") as opened:
-            content = opened.read(MOST_BYTES + 1)
+        content = _bytes_of(path)
     except FileNotFoundError:
         hint = "; /dev/stdin is the standard input" if str(path) == "-" else ""
         raise InputError(f"there is no such scene file{hint}", file=path) from None
@@ -88,12 +92,30 @@ def read_text(path: Path) -> str:
     return decode_text(content, path)
 
 
+def _bytes_of(path: Path) -> bytes:
+    """Return the first ``MOST_BYTES + 1`` bytes of a file, and of a nameless pipe each time."""
+    pipe = os.path.realpath(path) if path.is_fifo() else ""
+    nameless = pipe and not os.path.exists(pipe)
+    if nameless and pipe in _OF_PIPES:
+        return _OF_PIPES[pipe]
+    with open(path, "rb") as opened:
+        content = opened.read(MOST_BYTES + 1)
+    if nameless:
+        _OF_PIPES[pipe] = content
+    return content
+
+
+def is_pipe(path: Path) -> bool:
+    """Tell whether a path leads to a pipe or terminal, as /dev/stdin or <(...) of a shell."""
+    return path.is_fifo() or path.is_char_device()
+
+
 def directory_of(path: Path | None) -> Path:
     """Return the folder in which file names of a scene or case are looked up.
 
-    One that comes through a pipe, as /dev/stdin or <(...) of a shell, lies in no folder.
+    One that comes through a pipe lies in no folder.
     """
-    if path is None or path.is_fifo() or path.is_char_device():
+    if path is None or is_pipe(path):
         return Path.cwd()
     return path.resolve().parent
 

@@ -95,8 +95,8 @@ def is_scene_file(path: str | Path) -> bool:
     A file that cannot be read is none; reading it as a case tells what is wrong.
     """
     try:
-        words = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        words = read_text(Path(path))
+    except InputError:
         return False
     of_scene = ("[blank", "blank", "[[plies", "plies", "layup")
     return any(line.strip().startswith(of_scene) for line in words.splitlines())

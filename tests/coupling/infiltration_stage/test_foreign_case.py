@@ -381,7 +381,8 @@ def test_a_preform_is_refused_where_it_is_none(tmp_path, folder):
     )
     case = infiltration_from_text(text)
     with pytest.raises(
-        InputError, match=r"the axis \(0, 0, 1\) of the permeability stands on cell"
+        InputError,
+        match=r"^preform.permeability.axis: the axis \(0, 0, 1\) of the permeability stands on",
     ):
         unformed_part(mesh, case.preform)
     for more, said in (

@@ -15,6 +15,7 @@ import xarray as xr
 from lcmchain.coupling.infiltration import picture
 from lcmchain.coupling.infiltration.files import read_checkpoint
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
+from lcmchain.coupling.infiltration.report import filling_report
 from lcmchain.coupling.infiltration.results import FillingRecord
 from lcmchain.coupling.infiltration.setup import set_up
 from lcmchain.coupling.infiltration.stage import (
@@ -23,6 +24,7 @@ from lcmchain.coupling.infiltration.stage import (
     fill,
     fill_part,
     fingerprint_of,
+    write_filling,
 )
 from lcmchain.errors import InputError, SimulationInterrupted
 
@@ -65,6 +67,15 @@ def test_the_strip_fills_as_the_closed_formula_says(strip_result):
     assert report.balance_error < 1e-10
     assert report.gates["left"]["pressure_max"] == pytest.approx(1e5)
     assert f"filled after {report.time:.4g} s" in report.summary()
+
+
+def test_a_title_does_not_say_infiltration_twice(kit, tmp_path):
+    """It is the name of a filling that is given none."""
+    filled = fill(read_formed_part(kit.forming()), kit.case(HEAD, GATE, VENT))
+    report = filling_report("infiltration", filled)
+    write_filling(tmp_path / "a.nc", filled, report)
+    with xr.open_dataset(tmp_path / "a.nc") as found:
+        assert found.attrs["title"] == "strip: infiltration"
 
 
 @pytest.mark.parametrize(("outcome", "told"), [("filled", "239.8 s"), ("reached", "240.6 s")])
@@ -119,7 +130,8 @@ def test_fields_hold_what_their_names_say(strip_result):
         for variable in ("resin_pressure", "fill_factor", "resin_mass", "darcy_velocity_x"):
             about = found[variable].attrs
             assert {"units", "long_name", "comment", "mesh", "location"} <= set(about), variable
-        assert found.attrs["filling_outcome"] == "filled" and "title" in found.attrs
+        assert found.attrs["filling_outcome"] == "filled"
+        assert found.attrs["title"] == "strip: strip: infiltration"
         assert found["gate_left"].values.sum() == 4
     with xr.open_dataset(folder / "strip_filling.nc", group="/history") as history:
         injected = history["injected_volume"].sel(gate="left").values
@@ -290,6 +302,9 @@ def test_a_race_track_runs_ahead(kit):
     (built,) = filled.setup.race_tracks
     assert built.conductance == pytest.approx(2e-3 * 1e-3**3 / 12.0, rel=1e-9, abs=0.0)
     assert built.section == pytest.approx(2e-3 * 1e-3, rel=1e-9, abs=0.0)
+    # it is filled too, and its volume is one of the pores
+    report = filling_report("a", filled)
+    assert report.resin_volume == pytest.approx(report.pore_volume, rel=1e-9, abs=0.0)
 
 
 def test_wetted_places_are_full_at_the_start(kit):
@@ -375,6 +390,11 @@ WRONG = {
         GATE,
         VENT.replace("300 -1 -1 mm", "0 -1 -1 mm"),
         r'gates\[0\] "left": shares 4 nodes with the vent "right" \(node 1 at \(0.0, 0.0, 0.0\)',
+    ),
+    "two vents at one node": (
+        GATE,
+        f'{VENT}\n[[vents]]\nname = "corner"\nbox = ["299 -1 -1 mm", "301 1 1 mm"]\n',
+        r'vents\[0\] "right": shares 1 node with the vent "corner" \(node \d+ at \(300.0, 0.0, 0.0',
     ),
 }
 
