@@ -2,7 +2,9 @@
 
 import json
 import os
+import shutil
 import signal
+from pathlib import Path
 
 import meshio
 import numpy as np
@@ -117,13 +119,14 @@ def test_the_check_lists_what_will_flow(folder):
     assert "gate left: 3 bar at box" in effects["infiltration of part"]
 
 
-def test_fill_takes_a_scene_whose_forming_is_done(result, folder, capsys):
-    before = (folder / "out" / "part.nc").stat().st_mtime_ns
-    assert command("fill", folder / "scene.toml", "--out", folder / "out", "-q") == 0
-    again = json.loads((folder / "out" / "part_filling.json").read_text())
+def test_fill_takes_a_scene_whose_forming_is_done(result, folder, tmp_path, capsys):
+    out = Path(shutil.copytree(folder / "out", tmp_path / "out"))
+    before = (out / "part.nc").stat().st_mtime_ns
+    assert command("fill", folder / "scene.toml", "--out", out, "-q") == 0
+    again = json.loads((out / "part_filling.json").read_text())
     assert again["time"] == result.summary["infiltration"]["part"]["time"]
-    assert (folder / "out" / "part.nc").stat().st_mtime_ns == before  # not mapped once more
-    assert command("fill", folder / "scene.toml", "--out", folder / "empty") == 2
+    assert (out / "part.nc").stat().st_mtime_ns == before  # not mapped once more
+    assert command("fill", folder / "scene.toml", "--out", tmp_path / "empty") == 2
     assert "form it first with: lcmchain run" in capsys.readouterr().err
 
 
