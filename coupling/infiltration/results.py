@@ -323,9 +323,8 @@ class FilledPart:
         Compressed air leaves a bubble. Without compressed air a pocket fills as far as the time
         allows.
         """
-        setup, medium = self.setup, self._medium
-        mesh, preform, _ = setup.layers()
-        of_layer = preform.of_cells(mesh.cell_count).thickness[setup.mesh.cell_count :]
+        medium = self._medium
+        of_layer = medium.preform.thickness[self.setup.mesh.cell_count :]
         pores = medium.pores(np.concatenate([self.thickness[-1], of_layer]))
         room = np.where(self.state.full, 0.0, pores - self.state.resin_volume)
         area = room / pores * medium.sheet_area

@@ -301,10 +301,10 @@ def _without_jumps(distance: np.ndarray, largest: float) -> np.ndarray:
     """
     known = np.ones(distance.shape, dtype=bool)
     for axis in range(distance.ndim):
-        jumps = np.abs(np.diff(distance, axis=axis)) > largest
-        before, behind = np.moveaxis(known, axis, 0)[:-1], np.moveaxis(known, axis, 0)[1:]
-        before &= ~np.moveaxis(jumps, axis, 0)
-        behind &= ~np.moveaxis(jumps, axis, 0)
+        along = np.moveaxis(known, axis, 0)  # a view
+        steady = np.abs(np.diff(np.moveaxis(distance, axis, 0), axis=0)) <= largest
+        along[:-1] &= steady
+        along[1:] &= steady
     return np.where(known, distance, np.nan)
 
 
