@@ -38,6 +38,7 @@ from lcmchain.fmu.forming.variables import (
     FLUID_OUTPUTS,
     GRIPPERS,
     HOLDS,
+    MEANS,
     RATES,
     SOLVER,
     STACK,
@@ -59,7 +60,12 @@ from lcmchain.model import build_model
 from lcmchain.provenance import run_fingerprint
 from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene, read_scene
-from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times
+from lcmchain.solver.histories import (
+    grip_forces,
+    grippers_at_work,
+    let_go_times,
+    of_grips,
+)
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
 from lcmchain.state import STOPPED_TIME, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -73,6 +79,23 @@ TIME_TOLERANCE = 1e-6
 
 # Entries of a saved state that the simulation itself keeps.
 _OF_SIMULATION = ("state", "control")
+
+
+@dataclasses.dataclass(frozen=True)
+class BeforeStep:
+    """What the state was before a step of the master: copies of arrays of the same names."""
+
+    position: np.ndarray
+    tool_impulse: np.ndarray
+    tool_moment_impulse: np.ndarray
+    gripper_impulse: np.ndarray
+    support_impulse: np.ndarray
+
+    @classmethod
+    def of(cls, state: State) -> BeforeStep:
+        """Copy it from a state."""
+        names = [entry.name for entry in dataclasses.fields(cls)]
+        return cls(**{name: getattr(state, name).copy() for name in names})
 
 
 def define_forming(unit: Mapping[str, Any], resources: Path) -> tuple[UnitDefinition, Part]:
@@ -135,7 +158,7 @@ class FormingPart(Part):
         self.wet: ExplicitForming | None = None
         self.critical_step = 0.0
         self.frames: tuple[Snapshot, ...] = ()
-        self.before: np.ndarray = None  # type: ignore[assignment]  # positions before the step
+        self.before: BeforeStep = None  # type: ignore[assignment]  # until it is built
         self.step = 0.0  # length of the last one [s]
         self._unheard: set[str] = set()  # tools whose inputs drive nothing, and that were told
 
@@ -163,7 +186,7 @@ class FormingPart(Part):
         simulation.compile()  # with the columns of a stack, whose loop is another one
         self.critical_step = simulation.critical_step()
         self.frames, self.step = (), 0.0
-        self.before = simulation.state.position.copy()
+        self.before = BeforeStep.of(simulation.state)
 
     @property
     def element_count(self) -> int | None:
@@ -184,7 +207,7 @@ class FormingPart(Part):
         """Form for ``size`` [s]; a guard may stop it."""
         simulation = self.simulation
         self._apply_inputs(size)
-        self.before = simulation.state.position.copy()
+        self.before = BeforeStep.of(simulation.state)
         if self.wet is not None:
             pressure = self.values.field(PORE_PRESSURE)
             if self._interface.is_coarse:
@@ -213,7 +236,7 @@ class FormingPart(Part):
         """Return a copy of the state; what is never changed in place is shared."""
         state = self.simulation.state
         arrays = {f"state_{name}": array.copy() for name, array in state.as_dict().items()}
-        arrays["before"] = self.before
+        arrays |= {f"before_{name}": array for name, array in vars(self.before).items()}
         values: dict[str, Any] = {
             "critical_step": self.critical_step,
             "step": self.step,
@@ -246,11 +269,13 @@ class FormingPart(Part):
             )
             control = StepControl(**values["control"])
             control.history = dict(control.history)
-            before, step, critical = arrays["before"], values["step"], values["critical_step"]
+            before = BeforeStep(**named_arrays(arrays, "before_"))
+            step, critical = values["step"], values["critical_step"]
             wet = None if self.wet is None else _wet(state, control, saved)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"the saved state is not that of a forming unit ({error})") from None
-        if before.shape != self.simulation.state.position.shape:
+        present = vars(BeforeStep.of(self.simulation.state))
+        if any(vars(before)[name].shape != array.shape for name, array in present.items()):
             raise InputError("the saved state belongs to another model")
         if self.wet is None or wet is None:
             self.simulation.restore(state)
@@ -323,6 +348,7 @@ class FormingPart(Part):
             STACK: self._stack_outputs,
             BETWEEN: self._between_outputs,
             GRIPPERS: self._gripper_outputs,
+            MEANS: self._mean_outputs,
         }
         return at_interface(self._interface, compute[group](), self.step)
 
@@ -341,6 +367,27 @@ class FormingPart(Part):
                 values[f"{prefix}.velocity"] = state.tool_velocity[index]
                 values[f"{prefix}.force"] = force @ model.tools.direction[index]
             values |= {f"{prefix}.force_{axis}": part for axis, part in zip("xyz", force)}
+        return values
+
+    def _mean_outputs(self) -> dict[str, float]:
+        """Forces and moments, from what their impulses grew by in the step; 0 before the first."""
+        model, state, before = self.simulation.model, self.simulation.state, self.before
+        length = self.step or math.inf
+        forces = (state.tool_impulse - before.tool_impulse) / length
+        moments = (state.tool_moment_impulse - before.tool_moment_impulse) / length
+        values: dict[str, float] = {}
+        for index, tool in enumerate(model.tool_names):
+            prefix = f"{quoted(tool)}.mean_"
+            if turning(model.tools)[index]:
+                values[f"{prefix}moment"] = moments[index]
+            else:
+                values[f"{prefix}force"] = forces[index] @ model.tools.direction[index]
+            values |= {f"{prefix}force_{axis}": part for axis, part in zip("xyz", forces[index])}
+        pulls = (state.gripper_impulse - before.gripper_impulse) / length
+        holds = (state.support_impulse - before.support_impulse) / length
+        for grip, force in zip(model.grips, of_grips(model, pulls, holds), strict=True):
+            prefix = f"{quoted(grip.name)}.mean_"
+            values |= {f"{prefix}grip_force_{axis}": part for axis, part in zip("xyz", force)}
         return values
 
     def _gripper_outputs(self) -> dict[str, float]:
@@ -446,7 +493,7 @@ class FormingPart(Part):
         rates = {}
         each, before = self._fields_at(self.simulation.state.position), None
         if self.step > 0.0:
-            before = self._fields_at(self.before)
+            before = self._fields_at(self.before.position)
         for index, (prefix, fields) in enumerate(zip(self._prefixes, each, strict=True)):
             if "thickness" not in fields:
                 continue

@@ -23,8 +23,9 @@ from lcmchain.scene import Scene
 from lcmchain.tools.motion import FIXED, GUIDED
 
 # Groups: outputs that are computed together.
-TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK, BETWEEN, GRIPPERS = (
+TOOLS, ENERGY, FIELDS, RATES, SOLVER, FLUID, STACK, BETWEEN, GRIPPERS, MEANS = (
     "tools", "energy", "fields", "rates", "solver", "fluid", "stack", "between plies", "grippers",
+    "means",
 )  # fmt: skip
 
 #: Pore pressure that the fluid gives [Pa] per element; the unit's one field input.
@@ -86,6 +87,9 @@ GRIPPER_OUTPUTS = (
     ("grip_travel_y", "m", "Length", "way of the place that {gripper} holds, y component"),
     ("grip_travel_z", "m", "Length", "way of the place that {gripper} holds, z component"),
 )  # fmt: skip
+#: Outputs that swing from one step of the solver to the next have a mean, ``mean_force`` of
+#: ``force``: those of these units.
+UNITS_WITH_MEAN = ("N", "N.m")
 
 # Name, unit, type, group, description.
 SCALAR_OUTPUTS = (
@@ -372,6 +376,7 @@ def forming_variables(
         *_fields(abilities, fields),
         STEP_OUTCOME,
         *_of_grippers(abilities.grippers),
+        *_means_of_forces(abilities),
     )
     left_out = {f"{name}{end}" for name in _unknown(abilities) for end in ("", "_min", "_max")}
     return tuple(v for v in variables if v.name not in left_out)
@@ -495,6 +500,24 @@ def _of_grippers(names: Sequence[str]) -> list[Variable]:
             )
         )
     return outputs
+
+
+def _means_of_forces(abilities: Abilities) -> list[Variable]:
+    """Forces and moments of tools and grippers as means over the last step of the master."""
+    turning = abilities.turning
+    own: list[tuple[str, tuple]] = [
+        (tool, TURN_OUTPUTS if tool in turning else TOOL_OUTPUTS) for tool, _ in abilities.tools
+    ]
+    own += [(gripper, GRIPPER_OUTPUTS) for gripper in abilities.grippers]
+    return [
+        _output(
+            f"{quoted(owner)}.mean_{suffix}", unit, declared, MEANS,
+            f"mean over the last step: {text.format(tool=owner, gripper=owner)}",
+        )
+        for owner, entries in own
+        for suffix, unit, declared, text in entries
+        if unit in UNITS_WITH_MEAN
+    ]  # fmt: skip
 
 
 def _constants(abilities: Abilities) -> list[Variable]:

@@ -77,7 +77,7 @@ def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None
         )
     first = own + width * state.tool_travel.size
     width = len(GRIPPER_SAMPLE_COLUMNS)
-    impulses = _of_grips(model, state.gripper_impulse, state.support_impulse)
+    impulses = of_grips(model, state.gripper_impulse, state.support_impulse)
     for number, (grip, impulse) in enumerate(zip(model.grips, impulses, strict=True)):
         travel = state.position[:, grip.nodes] @ grip.weights - grip.place
         row[first + number * width :][:width] = *impulse, *travel
@@ -87,12 +87,12 @@ def take_sample(model: Model, state: State, energy: Mapping[str, float]) -> None
 
 def let_go_times(model: Model, state: State) -> list[float]:
     """Return when every gripper let go [s], infinite where it has not, as the scene orders them."""
-    return _of_grips(model, state.gripper_let_go, state.support_let_go)
+    return of_grips(model, state.gripper_let_go, state.support_let_go)
 
 
 def grip_forces(model: Model, state: State) -> list[np.ndarray]:
     """Return the force of every gripper on the sheets at the last step (3,) [N], in that order."""
-    return _of_grips(model, state.gripper_force, state.support_force)
+    return of_grips(model, state.gripper_force, state.support_force)
 
 
 def grippers_at_work(model: Model) -> list[bool]:
@@ -100,11 +100,11 @@ def grippers_at_work(model: Model) -> list[bool]:
     stage = model.present_stage
     if stage is None:
         return [True for _ in model.grips]
-    works = _of_grips(model, stage.grippers_at_work, stage.supports_at_work)
+    works = of_grips(model, stage.grippers_at_work, stage.supports_at_work)
     return [bool(one) for one in works]
 
 
-def _of_grips(model: Model, pulled: np.ndarray, supports: np.ndarray) -> list[Any]:
+def of_grips(model: Model, pulled: np.ndarray, supports: np.ndarray) -> list[Any]:
     """Return values of grippers that pull and of supports in the order of the scene's grippers.
 
     The supports of grippers that hold stand behind those that are no grippers.

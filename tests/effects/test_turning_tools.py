@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from lcmchain.errors import InputError
 from lcmchain.fields.dataset import model_datasets
 from lcmchain.fields.saved import FrameSeries, Histories, history_dataset, tool_places
 from lcmchain.fmu.build import build_fmu
-from lcmchain.fmu.forming.variables import variables_of
+from lcmchain.fmu.conduct import Status
+from lcmchain.fmu.forming.variables import MEANS, variables_of
+from lcmchain.fmu.instances import open_unit
 from lcmchain.model import build_model
 from lcmchain.report.html import tool_data
 from lcmchain.scene import read_scene, scene_from_text
@@ -294,4 +297,18 @@ def test_the_unit_of_a_wing_speaks_of_angle_and_moment(tmp_path):
     assert units == {"angle": "rad", "angular_velocity": "rad/s", "moment": "N.m"}
     assert by_name["wing.position_input"].unit == "rad" and "wing.travel" not in by_name
     for fmi in (2, 3):
-        assert validate_fmu(str(build_fmu(path, tmp_path / f"wing{fmi}.fmu", fmi=fmi))) == []
+        built = build_fmu(path, tmp_path / f"wing{fmi}.fmu", fmi=fmi)
+        assert validate_fmu(str(built)) == []
+    with zipfile.ZipFile(built) as archive:
+        archive.extractall(tmp_path / "unit")
+    unit = open_unit(str(tmp_path / "unit" / "resources"), "wing", print, arrays=True)
+    unit.set_up(0.0)
+    unit.enter_initialization()
+    unit.exit_initialization()
+    state, impulses = unit.part.simulation.state, [0.0]
+    for k in range(2):
+        assert unit.step(k * 2 * MS, 2 * MS) is Status.OK
+        impulses.append(float(state.tool_moment_impulse[0]))
+    grown = impulses[2] - impulses[1]
+    assert unit.part.outputs(MEANS)["wing.mean_moment"] == pytest.approx(grown / (2 * MS))
+    assert grown != 0.0

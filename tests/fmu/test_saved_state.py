@@ -13,6 +13,7 @@ from lcmchain.compilation import cache as compile_cache
 from lcmchain.errors import SimulationError
 from lcmchain.fmu.conduct import Phase, Status
 from lcmchain.fmu.forming import variables as interface
+from lcmchain.fmu.forming.part import BeforeStep
 from lcmchain.fmu.forming.variables import meshes_of, variables_of
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.part import PartState, SavedState, Unreadable
@@ -96,7 +97,7 @@ def test_bytes_hold_the_whole_state(one):
         array[...] = rng.integers(0, 100, array.shape)
     part.frames = tuple(part.simulation.snapshot() for _ in range(3))
     part.critical_step, part.step = 1.5e-6, 2.5e-4
-    part.before = rng.random(part.before.shape)
+    part.before = BeforeStep(**{n: rng.random(a.shape) for n, a in vars(part.before).items()})
     saved = replace(one.save(), start_time=0.5, message="stopped", outcome=1, phase=Phase.STEPPING)
     read = SavedState.from_bytes(saved.to_bytes())
     assert set(read.part.arrays) == set(saved.part.arrays)
@@ -136,7 +137,8 @@ def test_no_flipped_bit_of_a_state_is_taken(one):
     [
         lambda part: PartState({}, part.arrays),
         lambda part: PartState(part.values, {}),
-        lambda part: PartState(part.values, {**part.arrays, "before": np.zeros(3)}),
+        lambda part: PartState(part.values, {**part.arrays, "before_position": np.zeros(3)}),
+        lambda part: PartState(part.values, {**part.arrays, "before_tool_impulse": np.zeros(3)}),
         lambda part: PartState(part.values, {**part.arrays, "state_clock": np.zeros(3)}),
     ],
 )

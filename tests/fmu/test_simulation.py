@@ -64,6 +64,15 @@ def test_fmpy_forms_the_part_as_the_direct_run_does(unit, direct):
         np.testing.assert_array_equal(force, snapshot.tool_force[index])
         along = force @ direct.model.tools.direction[index]
         assert result[f"{tool}.force"][-1] == pytest.approx(along, rel=1e-12)
+        # the means of all steps make up the impulse of the run
+        means = np.array([result[f"{tool}.mean_force_{axis}"] for axis in "xyz"])
+        assert not means[:, 0].any()
+        impulse = direct.state.tool_impulse[index]
+        scale = np.abs(impulse).max()
+        np.testing.assert_allclose(means.sum(axis=1) * STEP, impulse, atol=1e-9 * scale)
+        along = direct.model.tools.direction[index] @ means
+        np.testing.assert_allclose(result[f"{tool}.mean_force"], along, atol=1e-9 * scale / STEP)
+    assert result["punch.mean_force"][-1] != result["punch.force"][-1]
     for output, energy in (
         ("kinetic_energy", "kinetic"),
         ("internal_energy", "internal"),

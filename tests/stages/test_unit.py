@@ -12,7 +12,7 @@ from staged_strip import simulation_of, text_of
 
 from lcmchain.fmu.build import build_fmu
 from lcmchain.fmu.conduct import Status
-from lcmchain.fmu.forming.variables import GRIPPERS
+from lcmchain.fmu.forming.variables import GRIPPERS, MEANS
 from lcmchain.fmu.instances import open_unit, read_state
 from lcmchain.fmu.part import SavedState
 from lcmchain.fmu.variables import Kind
@@ -120,7 +120,7 @@ def test_outputs_tell_what_grippers_do(open_one):
     slots = unit.values.layout.slots
 
     def outputs():
-        found = unit.part.outputs(GRIPPERS)
+        found = {**unit.part.outputs(GRIPPERS), **unit.part.outputs(MEANS)}
         assert set(found) <= set(slots)
         return found
 
@@ -132,8 +132,15 @@ def test_outputs_tell_what_grippers_do(open_one):
     first = outputs()
     assert stage_of(unit) == AFTER and first["clamp.holds"] == first["spring.holds"] == 1.0
     for number in (1, 2, 3, 4):
+        earlier = reference.state.copy()
         reference.advance_to(number * STEP, lambda _: reference.require_resolved())
     state = reference.state
+    pulled = (state.gripper_impulse - earlier.gripper_impulse)[0] / STEP
+    held = (state.support_impulse - earlier.support_impulse)[0] / STEP
+    for axis, pull, hold in zip("xyz", pulled, held):
+        assert first[f"spring.mean_grip_force_{axis}"] == pytest.approx(pull, rel=1e-12)
+        assert first[f"clamp.mean_grip_force_{axis}"] == pytest.approx(hold, rel=1e-12)
+    assert abs(pulled[0]) > 0.0 and abs(held[0]) > 0.0
     for axis, pull, hold in zip("xyz", state.gripper_force[0], state.support_force[0]):
         assert first[f"spring.grip_force_{axis}"] == pull
         assert first[f"clamp.grip_force_{axis}"] == hold
