@@ -20,6 +20,7 @@ from lcmchain.quantities.readable import (
     memory_text,
     millimetres,
     milliseconds_text,
+    two_digits_up,
 )
 from lcmchain.scene import Process, Scene
 from lcmchain.scene.presets import Basis, preset_basis
@@ -395,8 +396,8 @@ def process_time_table(
         "needed",
         "the pace follows the kinetic energy; process.quasi_static = 2 takes twice as long"
         if time_is_found
-        else f"at least {milliseconds_text(needed.least)} ({PERIODS[0]} periods at rest); from "
-        f"{milliseconds_text(needed.sufficient)} on ({PERIODS[1]} periods where softest) "
+        else f"at least {two_digits_up(1e3 * needed.least)} ms ({PERIODS[0]} periods at rest); "
+        f"from {milliseconds_text(needed.sufficient)} on ({PERIODS[1]} periods where softest) "
         "nothing should change any more",
     )
     for name, period in needed.holder_periods.items():

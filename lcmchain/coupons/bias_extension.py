@@ -113,7 +113,7 @@ def bias_extension(
         blank={
             "size": (length, width),
             "edge_length": edge_length,
-            "fibre_angle": 0.25 * math.pi,
+            "fibre_angle": fibre_angle_of(material),
         },
     )
 
@@ -156,6 +156,15 @@ def bias_extension(
         shown="shear_angle",
         figures=effort_of(simulation, recording),
     )
+
+
+def fibre_angle_of(material: FabricMaterial) -> float:
+    """Return the angle of fibres 1 to the pull [rad].
+
+    At -45 degrees a strip is sheared to the positive side, as in the picture frame. A fabric that
+    is alike to both sides is pulled at 45 degrees, as published.
+    """
+    return math.copysign(0.25 * math.pi, 1.0 if material.membrane.unlike_sides is None else -1.0)
 
 
 def _draw(path: Path, curves: dict[str, np.ndarray], title: str) -> None:

@@ -278,9 +278,10 @@ def shear_may_stiffen(body: Body, condition: Condition, omega2: float) -> bool:
     """
     if not body.material.locks:
         return False
-    strain = np.zeros(6)
-    strain[3] = np.sqrt(max(1.0 - float(condition.area_stretch.min()) ** 2, 0.0))
-    tangent = body.material.stress_and_tangent(strain)[1][3, 3]
+    strain = np.zeros((2, 6))  # to both sides
+    strain[:, 3] = np.sqrt(max(1.0 - float(condition.area_stretch.min()) ** 2, 0.0))
+    strain[1] *= -1.0
+    tangent = body.material.stress_and_tangent(strain)[1][:, 3, 3].max()
     # a shear wave bends both pairs of sides: twice the 4 c²/l² of a wave along one
     density = body.material.density * body.least_mass_factor
     present = 8.0 * tangent / (density * body.shortest_length**2)

@@ -48,6 +48,7 @@ from lcmchain.materials.features.relaxation import (
     with_relaxing,
 )
 from lcmchain.materials.features.shear import (
+    WIDTH,
     ShearLocking,
     locking_class,
     rounded_shear_of,
@@ -87,6 +88,7 @@ from lcmchain.materials.features.temperature_field import (
     kept_values,
     with_field,
 )
+from lcmchain.materials.features.unlike_sides import UnlikeSides, with_unlike_sides
 from lcmchain.materials.features.viscous_shear import (
     ViscousShear,
     evolved_viscous_shear,
@@ -345,6 +347,7 @@ class Fabric:
     temperature : over the blank, which shifts the times of both; None where it is one.
     bending_losses : friction and resistance to rates of the bending, None without.
     shear_friction : friction of the shear, None without.
+    unlike_sides : how the shear to the negative side differs, None where both are alike.
     """
 
     is_diagonal = True
@@ -359,6 +362,7 @@ class Fabric:
     temperature: TemperatureField | None = None
     bending_losses: BendingLosses | None = None
     shear_friction: ShearFriction | None = None
+    unlike_sides: UnlikeSides | None = None
 
     def __init__(
         self,
@@ -378,15 +382,17 @@ class Fabric:
         temperature: TemperatureField | None = None,
         bending_losses: BendingLosses | None = None,
         shear_friction: ShearFriction | None = None,
+        unlike_sides: UnlikeSides | None = None,
     ) -> None:
         law = law if coupling is None else coupling.law_of(law)
         law = linear_where_constant(with_locking(law, locking))
-        law = with_relaxing(with_curves(law, bending_curves, thickness), relaxation)
+        law = with_unlike_sides(with_curves(law, bending_curves, thickness), unlike_sides)
+        law = with_relaxing(law, relaxation)
         law = with_viscous(with_field(law, temperature), viscous)
         law = with_rubbing_shear(law, shear_friction)
         self.law = law = with_losses(law, bending_losses)
         self.viscous, self.relaxation, self.temperature = viscous, relaxation, temperature
-        self.shear_friction = shear_friction
+        self.shear_friction, self.unlike_sides = shear_friction, unlike_sides
         self.bending_losses = bending_losses
         self.coupling = coupling
         inertia = in_plane_bending * thickness**3 / 12.0
@@ -461,7 +467,7 @@ class Fabric:
         C = np.zeros((*E.shape, 6))
         C[..., diagonal, diagonal] = self.stress_and_tangent(E)[1][..., diagonal, diagonal]
         slope, curvature = self.tangent_slope(E), self.tangent_curvature(E)
-        size, first, second = rounded_shear_of(E[..., 3])
+        size, first, second = rounded = rounded_shear_of(E[..., 3])
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
         if self.coupling is not None:
@@ -469,6 +475,11 @@ class Fabric:
             C[..., 2, 2] = mapped_stabilising.py_func(strain_map, None, C33)
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
+        if self.unlike_sides is not None:
+            of_side = self.unlike_sides.stabilising(E[..., 3], rounded, WIDTH)
+            C[..., 3, 3] += of_side[0]
+            slope[..., 3] += of_side[1]
+            curvature[..., 3] += of_side[2]
         return C, slope, curvature
 
     def tangent_slope(self, E: ArrayLike) -> np.ndarray:
@@ -540,6 +551,9 @@ class Fabric:
         if self.locking is not None:
             locked = self.locking.response(g)
             stress, tangent = stress + locked[0], tangent + locked[1]
+        if self.unlike_sides is not None:
+            other = self.unlike_sides.response(g)
+            stress, tangent = stress + other[0], tangent + other[1]
         return stress, tangent
 
     def _shear_slope(self, g):
@@ -551,6 +565,8 @@ class Fabric:
         slope = 0.5 * np.where(g >= 0.0, derivative, -derivative)
         if self.locking is not None:
             slope = slope + self.locking.slope_and_curvature(g)[0]
+        if self.unlike_sides is not None:
+            slope = slope + self.unlike_sides.slope_and_curvature(g)[0]
         return slope
 
     def _shear_curvature(self, g):
@@ -560,6 +576,8 @@ class Fabric:
         curvature = 0.25 * np.polynomial.polynomial.polyval(0.5 * np.abs(g), second)
         if self.locking is not None:
             curvature = curvature + self.locking.slope_and_curvature(g)[1]
+        if self.unlike_sides is not None:
+            curvature = curvature + self.unlike_sides.slope_and_curvature(g)[1]
         return curvature
 
     def _seen(self, E):
@@ -717,6 +735,8 @@ class Fabric:
         shear = sum(4.0 * si * e12 ** (i + 2) / (i + 2) for i, si in enumerate(s))
         if self.locking is not None:
             shear += self.locking.energy(E[..., 3])
+        if self.unlike_sides is not None:
+            shear += self.unlike_sides.energy(E[..., 3])
         linear = 0.5 * (
             law.C11 * E[..., 0] ** 2
             + law.C22 * E[..., 1] ** 2
@@ -783,6 +803,15 @@ class FabricMembrane(SceneModel):
         tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness],
         Row('"0.1919 -2.3637 14.7593 -40.7199 42.3208 MPa"', count=5, entries="coefficients"),
     ] = Field(description="s0 ... s4 of the shear stiffness C12(|E12|), Eq. (21).")
+    shear_polynomial_negative: Annotated[
+        tuple[Stiffness, Stiffness, Stiffness, Stiffness, Stiffness] | None,
+        Row('"0.4 -2.4 14.8 -40.7 42.3 MPa"', count=5, entries="coefficients"),
+        AbsentMeans("shear is alike to both sides"),
+    ] = Field(
+        default=None,
+        description="s0 ... s4 where the shear angle is negative, the angle from fibres 1 to 2 "
+        "above 90 deg; shear_polynomial is then that of the positive side.",
+    )
     C23: PositiveStiffness = Field(description="Transverse shear stiffness 23.")
     C13: PositiveStiffness = Field(description="Transverse shear stiffness 13.")
     shear_convention: Literal["engineering", "tensor"] = Field(
@@ -808,6 +837,24 @@ class FabricMembrane(SceneModel):
     )
 
     @property
+    def engineering_factor(self) -> float:
+        """What makes shear moduli of the scene's convention act on engineering strains.
+
+        The paper does not say whether its moduli act on 2 E12 or on E12: S12 = C12 (2 E12) in the
+        engineering reading, C12 E12 in the tensor reading. The bias-extension force at 30 mm is
+        6.8 N with the first and 3.4 N with the second.
+        """
+        return 1.0 if self.shear_convention == "engineering" else 0.5
+
+    @property
+    def unlike_sides(self) -> UnlikeSides | None:
+        """How the shear to the negative side differs, None where both are alike."""
+        if self.shear_polynomial_negative is None:
+            return None
+        sides = zip(self.shear_polynomial_negative, self.shear_polynomial, strict=True)
+        return UnlikeSides(*(self.engineering_factor * (other - own) for other, own in sides))
+
+    @property
     def locking(self) -> ShearLocking | None:
         """What the fabric does beyond its locking angle."""
         if self.locking_angle is None or self.locking_stiffness is None:
@@ -827,18 +874,18 @@ class FabricMembrane(SceneModel):
     def _check_shear_law(self) -> Self:
         # S12 ~ C12(E) E with E = sin(shear angle) / 2: monotone up to 90 deg means d(C12 E)/dE > 0.
         strain = np.linspace(0.0, 0.5, 2001)
-        tangent: np.ndarray = sum(
-            (k + 1) * s * strain**k for k, s in enumerate(self.shear_polynomial)
-        )  # type: ignore[assignment]
-        if tangent.min() <= 0.0:
-            first = float(strain[np.argmax(tangent <= 0.0)])
-            angle = math.degrees(math.asin(min(1.0, 2 * first)))
-            raise wrong(
-                f"gives a falling shear stress from a shear angle of {angle:.1f} deg "
-                f"(tangent {float(tangent.min()) * 1e-6:.3g} MPa); the stress must rise up to "
-                "90 deg, check signs, order (s0 first) and units",
-                field="shear_polynomial",
-            )
+        for field in ("shear_polynomial", "shear_polynomial_negative"):
+            polynomial = getattr(self, field) or self.shear_polynomial
+            tangent = np.sum([(k + 1) * s * strain**k for k, s in enumerate(polynomial)], axis=0)
+            if tangent.min() <= 0.0:
+                first = float(strain[np.argmax(tangent <= 0.0)])
+                angle = math.degrees(math.asin(min(1.0, 2 * first)))
+                raise wrong(
+                    f"gives a falling shear stress from a shear angle of {angle:.1f} deg "
+                    f"(tangent {float(tangent.min()) * 1e-6:.3g} MPa); the stress must rise up to "
+                    "90 deg, check signs, order (s0 first) and units",
+                    field=field,
+                )
         return self
 
 
@@ -1047,14 +1094,9 @@ class FabricMaterial(FabricTable):
         return self._with("bending", viscous_1=None, viscous_2=None)
 
     def law_parameters(self) -> FabricLaw:
-        """Return the parameters in SI.
-
-        The paper does not say whether its moduli act on 2 E12 or on E12: S12 = C12 (2 E12) in the
-        engineering reading, C12 E12 in the tensor reading. The bias-extension force at 30 mm is
-        6.8 N with the first and 3.4 N with the second.
-        """
+        """Return the parameters in SI."""
         m, c, b = self.membrane, self.compaction, self.bending
-        f = 1.0 if m.shear_convention == "engineering" else 0.5
+        f = m.engineering_factor
         law = FabricLaw(  # type: ignore[call-arg]
             m.C11, m.C22, f * m.C23, f * m.C13,
             *(f * s for s in m.shear_polynomial),
@@ -1083,6 +1125,7 @@ class FabricMaterial(FabricTable):
             "relaxation": None if self.viscous is None else self.viscous.relaxation,
             "temperature": None if self.viscous is None else self.viscous.field,
             "bending_losses": self.bending.losses(self.thickness),
+            "unlike_sides": self.membrane.unlike_sides,
             "shear_friction": None
             if self.membrane.friction is None
             else self.membrane.friction.friction,

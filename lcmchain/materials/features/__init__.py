@@ -12,8 +12,9 @@ over the thickness     ``compaction``: stiffening, Eq. (23), or a constant C33;
                        ``shear_compaction``: sheared fabric is thicker, by an exponent or by a map;
                        ``pressure_table`` from ``pressure_curves``: such a map from measurements;
                        ``relaxation``: the pressure on a held gap falls
-in shear               ``shear``: polynomial, Eq. (21), and locking; ``shear_friction``;
-                       ``viscous_shear``: what resists the rate
+in shear               ``shear``: polynomial, Eq. (21), and locking; ``unlike_sides``: another one
+                       for negative angles; ``shear_friction``; ``viscous_shear``: what resists the
+                       rate
 in bending             ``bending_curve``: measured moments; ``bending_losses``: friction and rates
 of each element        ``temperature_field``: times by its temperature
 =====================  =========================================================================

@@ -1,7 +1,8 @@
 """Shear of a fabric: the polynomial of Eq. (21), locking, and the tangent that stabilises elements.
 
 The shear stress is a function of the shear strain g = 2 E12 alone, S12 = C12(|E12|) g, and so has a
-potential. For fibres that keep their length g = sin γ with the shear angle γ.
+potential. For fibres that keep their length g = sin γ with the shear angle γ. A fabric whose shear
+is not alike to both sides has another polynomial for g < 0 (:mod:`.unlike_sides`).
 
 **Locking.** The polynomial is fitted to a test and knows nothing of what comes after it: the yarns
 touch, and the fabric locks. A scene may state that from a locking angle γ_L on. With the excess
@@ -33,6 +34,12 @@ import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
+from lcmchain.materials.features.unlike_sides import (
+    with_side,
+    with_stabilising_side,
+    with_stabilising_side_curvature,
+    with_stabilising_side_slope,
+)
 from lcmchain.materials.twins import LawOrTwin, prefixed, twin_of
 
 # Of the engineering shear strain 2 E12 = sin γ. For MD600 S12 keeps its sign where the shear angle
@@ -126,12 +133,12 @@ def shear_stress_and_tangent(law, g):
     modulus = law.s0 + e * (law.s1 + e * (law.s2 + e * (law.s3 + e * law.s4)))
     slope = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
     stress, tangent = locking_response(law, g)
-    return modulus * g + stress, modulus + e * slope + tangent
+    return with_side(law, modulus * g + stress, modulus + e * slope + tangent, g)
 
 
 @equation
 def shear_tangent_slope(law, g):
-    """Return d²S12/dg², the slope of the shear tangent (odd in g)."""
+    """Return d²S12/dg² of shear that is alike to both sides (odd in g)."""
     e = 0.5 * abs(g)
     first = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
     second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
@@ -141,7 +148,7 @@ def shear_tangent_slope(law, g):
 
 @equation
 def shear_tangent_curvature(law, g):
-    """Return d³S12/dg³."""
+    """Return d³S12/dg³ of shear that is alike to both sides."""
     e = 0.5 * abs(g)
     second = 2.0 * law.s2 + e * (6.0 * law.s3 + e * (12.0 * law.s4))
     third = 6.0 * law.s3 + e * (24.0 * law.s4)
@@ -160,14 +167,16 @@ def rounded_shear(g):
 @equation
 def stabilising_shear_tangent(law, g):
     """Return dS12/dg at the rounded size of the strain: without the kink at g = 0."""
-    return shear_stress_and_tangent(law, rounded_shear(g)[0])[1]
+    size = rounded_shear(g)[0]
+    return with_stabilising_side(law, shear_stress_and_tangent(law, size)[1], g, size, WIDTH)
 
 
 @equation
 def stabilising_shear_slope(law, g):
     """Return the derivative of :func:`stabilising_shear_tangent` with g."""
     size, first, _ = rounded_shear(g)
-    return first * shear_tangent_slope(law, size)
+    slope = first * shear_tangent_slope(law, size)
+    return with_stabilising_side_slope(law, slope, g, size, first, WIDTH)
 
 
 @equation
@@ -175,7 +184,8 @@ def stabilising_shear_curvature(law, g):
     """Return the second derivative of :func:`stabilising_shear_tangent` with g."""
     size, first, second = rounded_shear(g)
     slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
-    return first * first * curvature + second * slope
+    curvature = first * first * curvature + second * slope
+    return with_stabilising_side_curvature(law, curvature, g, size, first, second, WIDTH)
 
 
 # --- laws -----------------------------------------------------------------------------------------
