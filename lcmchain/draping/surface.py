@@ -10,6 +10,10 @@ and its surface is the zero level of min(d, b). The edge is rounded with the rad
 
 a circular arc where wall and plane are perpendicular. F is continuous with its gradient near its
 zero level.
+
+Behind the skin of a punch whose surface is open there is solid for some spacings of its distance
+field alone, and free space farther on. What the skin has passed is solid for the sheet: heights of
+the skin over the plane of the blank tell it (:class:`PassedColumns`).
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lcmchain.errors import InputError
-from lcmchain.jit import routine
+from lcmchain.jit import equation, routine
 from lcmchain.scene import Scene
 from lcmchain.tools.distance import FIELD, PLANE, gaps, signed_distance
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
@@ -33,6 +37,9 @@ ASKER = "kinematic draping"
 EXACT_SPACINGS = 3.0
 #: Gradient [1] below which a level has no direction.
 NO_GRADIENT = 1e-12
+#: Columns are a spacing of the distance field apart: a place that is farther than so many from a
+#: surface lies on the same side of it as the nearest column.
+BESIDE_COLUMN = 2.0
 
 
 class ToolShapes(NamedTuple):
@@ -66,6 +73,23 @@ class ToolShapes(NamedTuple):
         return cls(*(getattr(tools, name) for name in cls._fields))
 
 
+class PassedColumns(NamedTuple):
+    """Where an open skin has passed the blank: behind it is solid, whatever its distance tells.
+
+    heights : z of the skin over a grid of places [m], (n_x, n_y); not a number where it is not.
+    x, y : of the first place [m]. spacing : of the places [m].
+    """
+
+    heights: np.ndarray
+    x: float
+    y: float
+    spacing: float
+
+
+#: Of a tool that is solid behind its surface.
+NOTHING_PASSED = PassedColumns(np.empty((0, 0)), 0.0, 0.0, 1.0)
+
+
 class DrapedSurface(NamedTuple):
     """The surface of a net, as compiled code reads it.
 
@@ -74,6 +98,7 @@ class DrapedSurface(NamedTuple):
     has_plane : whether the plane of the blank belongs to it.
     plane_height : z of that plane [m]; plane_side : 1 where the punch moves towards +z, else -1.
     edge_radius : of the edge between them [m].
+    passed : what an open skin has passed; nothing of a tool that is solid behind its surface.
     """
 
     tools: ToolShapes
@@ -84,16 +109,39 @@ class DrapedSurface(NamedTuple):
     plane_height: float
     plane_side: float
     edge_radius: float
+    passed: PassedColumns = NOTHING_PASSED
+
+
+@equation
+def with_solid_behind(passed, side, d, gx, gy, gz, x, y, z):
+    """Return distance and normal of an open skin, with solid behind it as far as it has passed.
+
+    Parameters
+    ----------
+    passed : columns of the skin. side : 1 where the skin moves towards +z, else -1.
+    d, gx, gy, gz : distance [m] and normal, as :func:`signed_distance` has them.
+    x, y, z : place [m].
+    """
+    # the fringe of the solid behind a skin has the distance 0, free space farther on more
+    if d == 0.0 or d > BESIDE_COLUMN * passed.spacing:
+        i = int(math.floor((x - passed.x) / passed.spacing + 0.5))
+        j = int(math.floor((y - passed.y) / passed.spacing + 0.5))
+        n_x, n_y = passed.heights.shape
+        if i >= 0 and j >= 0 and i < n_x and j < n_y:
+            if side * (z - passed.heights[i, j]) < 0.0:
+                return -EXACT_SPACINGS * passed.spacing, 0.0, 0.0, side
+    return d, gx, gy, gz
 
 
 @routine
 def level(surface, x, y, z):
     """Return the level F [m] at a point [m], and its gradient; positive on the free side."""
+    side = surface.plane_side
     d, gx, gy, gz = signed_distance(surface.tools, surface.tool, x, y, z, surface.travel)
+    d, gx, gy, gz = with_solid_behind(surface.passed, side, d, gx, gy, gz, x, y, z)
     d -= surface.offset
     if not surface.has_plane:
         return d, gx, gy, gz
-    side = surface.plane_side
     b = side * (z - surface.plane_height)
     radius = surface.edge_radius
     u, v = max(radius - d, 0.0), max(radius - b, 0.0)
@@ -170,6 +218,7 @@ def draped_surface(scene: Scene, tools: ToolTable, nodes: np.ndarray) -> DrapedS
     return DrapedSurface(
         shapes, tool, travel, offset, True, ply.blank.height, side,
         _edge_radius(scene, tools, tool),
+        _passed_columns(tools, tool, travel, nodes, side),
     )  # fmt: skip
 
 
@@ -195,6 +244,38 @@ def _is_open_mould(
         passed |= before * distance <= 0.0
         before = distance
     return bool(passed.all())
+
+
+def _passed_columns(
+    tools: ToolTable, tool: int, travel: float, nodes: np.ndarray, side: float
+) -> PassedColumns:
+    """Return where an open skin has passed the blank; nothing if its distance says so itself."""
+    if tools.kind[tool] != FIELD:
+        return NOTHING_PASSED
+    spacing = float(tools.spacing[tool])
+    (x_low, y_low, height), (x_high, y_high, _) = nodes.min(axis=0), nodes.max(axis=0)
+    x = np.arange(x_low, x_high + spacing, spacing)
+    y = np.arange(y_low, y_high + spacing, spacing)
+    heights = np.full(x.size * y.size, np.nan)
+    places = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full((x.size, y.size), height)], -1)
+    places = np.ascontiguousarray(places.reshape(-1, 3))
+    before = gaps(tools, tool, places, travel)
+    free_in_plane = before >= 0.0
+    columns = np.arange(heights.size)
+    end = height + side * (abs(travel) + spacing)
+    while columns.size:
+        # the gap is at most the distance: no step goes past the skin and its solid
+        step = np.maximum(np.abs(before), spacing)
+        places[:, 2] += side * step
+        distance = gaps(tools, tool, places, travel)
+        left = (before < 0.0) & (distance >= 0.0)
+        share = before[left] / (before[left] - distance[left])
+        heights[columns[left]] = places[left, 2] - side * (1.0 - share) * step[left]
+        on = side * (end - places[:, 2]) > 0.0
+        columns, places, before = columns[on], np.ascontiguousarray(places[on]), distance[on]
+    if not (free_in_plane & np.isfinite(heights)).any():
+        return NOTHING_PASSED
+    return PassedColumns(heights.reshape(x.size, y.size), float(x_low), float(y_low), spacing)
 
 
 def surface_in_words(scene: Scene, surface: DrapedSurface) -> str:

@@ -314,6 +314,32 @@ def test_an_open_mould_that_passes_all_of_the_blank_leaves_no_plane_around_it(tm
     assert angles["lower"] > 5.0 and angles["upper"] == pytest.approx(angles["lower"], rel=0.15)
 
 
+def test_an_open_punch_drapes_as_the_solid_one_does(tmp_path):
+    """Far behind the skin of a punch is no solid: the net began in the plane of the blank there."""
+    way, around = np.meshgrid(np.linspace(0.0, 1.0, 33), np.linspace(0.0, 2 * np.pi, 49)[:-1])
+    # pole to wall: a quarter of a circle, then straight up
+    angle = np.minimum(2.0 * way, 1.0) * np.pi / 2
+    rise = np.maximum(2.0 * way - 1.0, 0.0) * 0.02
+    r, z = 0.02 * np.sin(angle), 0.02 * (1.0 - np.cos(angle)) + rise
+    points = np.stack([r * np.cos(around), r * np.sin(around), z], -1).reshape(-1, 3)
+    node = np.arange(len(points)).reshape(way.shape)
+    quads = np.stack([node, np.roll(node, -1, 0)], -1)
+    quads = np.stack([quads[:, :-1, 0], quads[:, 1:, 0], quads[:, 1:, 1], quads[:, :-1, 1]], -1)
+    triangles = quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
+    triangles = triangles[[len(set(map(tuple, points[t]))) == 3 for t in triangles]]
+    meshio.Mesh(points, [("triangle", triangles)]).write(tmp_path / "punch.stl")
+    skin = 'type = "surface_mesh", file = "punch.stl", length_unit = "m"'
+    text = DOME.replace('type = "sphere_capped_punch", radius = "20 mm"', skin)
+    edge = ["draping.edge_radius=2 mm"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        opened = drape(scene_from_text(text, tmp_path / "scene.toml", edge))
+    solid = drape(scene(*edge))
+    assert opened.unplaced_part() == solid.unplaced_part() == 0.0
+    assert opened.positions[:, 2].min() == pytest.approx(solid.positions[:, 2].min(), abs=1e-4)
+    assert opened.largest_shear()[0] == pytest.approx(solid.largest_shear()[0], rel=0.05)
+
+
 def test_check_says_nothing_where_there_is_nothing_to_drape():
     plates = DOME.replace('type = "sphere_capped_punch", radius = "20 mm"',
                           'type = "plate", side = "above"')  # fmt: skip
