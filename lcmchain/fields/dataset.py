@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from lcmchain import __version__
 from lcmchain.elements.families import family_of
@@ -23,7 +24,7 @@ from lcmchain.fields.derived import (
 from lcmchain.fields.netcdf_file import ROOT
 from lcmchain.fields.saved import HISTORY, FrameSeries, Histories, history_dataset
 from lcmchain.fields.sheet import BUCKLES, COURSE, FROM_PLY_AXIS, JOINT_GAP
-from lcmchain.fields.stack import FILMS, PLY, StackedPly, columns_of
+from lcmchain.fields.stack import FILMS, PLY, Columns, StackedPly, columns_of
 from lcmchain.fields.ugrid import (
     CONVENTIONS,
     NO_NODE,
@@ -33,7 +34,7 @@ from lcmchain.fields.ugrid import (
     Variable,
     saved_times,
 )
-from lcmchain.fields.wrinkles import longest_wave, wrinkle_height, wrinkle_risk
+from lcmchain.fields.wrinkles import Lifted, closed_faces, lifted_off, longest_wave, wrinkle_risk
 from lcmchain.materials.law import (
     Material,
     fibre_angles,
@@ -82,8 +83,7 @@ class SheetFrames:
     pressures : face fields of :func:`lcmchain.fields.derived.pressure_fields`, (F, element_count),
         and that of a fluid.
     tool_pressure : on the nodes (F, node_count) [Pa], or None.
-    wrinkle_height : on the nodes of the mid-surface (F, n) [m], or None where no wrinkles are
-        predicted.
+    wrinkles : on the nodes of the mid-surface, or None where no wrinkles are predicted.
     wrinkle_length : longest wave that counts as wrinkle [m].
     between_plies : against other plies, or None.
     wrinkle_risk : the fields of :mod:`lcmchain.fields.wrinkles` by name (F, element_count);
@@ -95,7 +95,7 @@ class SheetFrames:
     history: np.ndarray
     pressures: dict[str, np.ndarray]
     tool_pressure: np.ndarray | None
-    wrinkle_height: np.ndarray | None
+    wrinkles: Lifted | None
     wrinkle_length: float
     between_plies: BetweenPlies | None = None
     wrinkle_risk: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
@@ -144,10 +144,22 @@ class SheetFrames:
             np.stack([body.element_history(values) for values in history]),
             {name: np.stack([step[name] for step in steps]) for name in steps[0]},
             on_nodes,
-            wrinkle_height(body.mesh, own, length, **beside_tools),
+            lifted_off(body.mesh, own, length, **beside_tools),
             length,
             wrinkle_risk=risk,
         )
+
+    def between(self, columns: Columns) -> SheetFrames:
+        """Return the sheet as a ply of a stack: others take a part of the room of its wrinkles."""
+        if self.wrinkles is None:
+            return self
+        faces = closed_faces(self.mesh.sheet_faces)
+        node, face = faces.ravel(), np.repeat(np.arange(len(faces)), faces.shape[1])
+        share = 1.0 / np.bincount(node)[node]
+        shape = self.wrinkles.height.shape[1], len(faces)
+        means = csr_matrix((share, (node, face)), shape)
+        height = self.wrinkles.less((means @ columns.below.T).T, (means @ columns.above.T).T)
+        return replace(self, wrinkles=self.wrinkles._replace(height=height))
 
     @property
     def mesh(self) -> SheetMesh:
@@ -181,10 +193,10 @@ class SheetFrames:
     def node_fields(self) -> dict[str, Described]:
         """Return values (F, n) and attributes of the fields on the mid-surface nodes."""
         variables = {}
-        if self.wrinkle_height is not None:
+        if self.wrinkles is not None:
             attributes: dict[str, Any] = FIELDS["wrinkle_height"].attributes("wrinkle_height")
             attributes[WRINKLE_LENGTH] = self.wrinkle_length
-            variables["wrinkle_height"] = self.wrinkle_height, attributes
+            variables["wrinkle_height"] = self.wrinkles.height, attributes
         for side, nodes in self.mesh.sides().items():
             if self.tool_pressure is not None:
                 name = f"tool_pressure_{side}" if side else "tool_pressure"
@@ -271,7 +283,13 @@ def sheets_datasets(
     if len(sheets) == 1:
         groups = _one_sheet(scene, next(iter(sheets.values())), frames)
     else:
-        groups = {SHEET: _all_sheets(scene, sheets, frames)}
+        there = plies_there(scene, frames.time)
+        columns = _columns(sheets, there)
+        sheets = {
+            name: sheet.between(of_ply)
+            for (name, sheet), of_ply in zip(sheets.items(), columns, strict=True)
+        }
+        groups = {SHEET: _all_sheets(scene, sheets, frames, columns)}
         for name, sheet in sheets.items():
             groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
             if sheet.mesh.volumes is not None:
@@ -366,7 +384,12 @@ def _sheet(scene: Scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSerie
     return mesh.dataset(variables, attributes)
 
 
-def _all_sheets(scene: Scene, sheets: Mapping[str, SheetFrames], frames: FrameSeries) -> xr.Dataset:
+def _all_sheets(
+    scene: Scene,
+    sheets: Mapping[str, SheetFrames],
+    frames: FrameSeries,
+    columns: Sequence[Columns],
+) -> xr.Dataset:
     """Return the mid-surfaces of all bodies as one mesh."""
     mesh = SHEET_MESH
     references = [s.mesh.mid_surface(s.mesh.node_positions) for s in sheets.values()]
@@ -384,10 +407,10 @@ def _all_sheets(scene: Scene, sheets: Mapping[str, SheetFrames], frames: FrameSe
         **_moving_nodes(mesh, np.concatenate(references), np.concatenate(current, axis=1), frames),
     }
     counts = [s.mesh.element_count for s in sheets.values()]
-    each = [s.fields() for s in sheets.values()]
-    there = plies_there(scene, frames.time)
-    of_stack = _through_stack(list(sheets.values()), each, [there.get(name) for name in sheets])
-    each = [fields | more for fields, more in zip(each, of_stack, strict=True)]
+    each = [
+        sheet.fields() | _through_stack(of_ply)
+        for sheet, of_ply in zip(sheets.values(), columns, strict=True)
+    ]
     for name, field in _joined(each, counts).items():
         variables[name] = mesh.on_cells(*field)
     node_counts = [len(reference) for reference in references]
@@ -414,41 +437,37 @@ def _all_sheets(scene: Scene, sheets: Mapping[str, SheetFrames], frames: FrameSe
     return mesh.dataset(variables, attributes)
 
 
-def _through_stack(
-    sheets: Sequence[SheetFrames],
-    fields: Sequence[dict[str, Described]],
-    there: Sequence[np.ndarray | None],
-) -> list[dict[str, Described]]:
-    """Return the fields of the stack on the faces of each ply.
+def _columns(sheets: Mapping[str, SheetFrames], there: Mapping[str, np.ndarray]) -> list[Columns]:
+    """Return what the columns of each ply meet.
 
-    there : in which frames each ply is there, None for all.
+    there : in which frames a ply is there, by its name; those without an entry are in all.
     """
     plies = [
         StackedPly.of_mesh(
             sheet.mesh,
             sheet.material,
             sheet.positions,
-            {name: own[name][0] for name in own},
-            is_there,
+            {field: own[0] for field, own in sheet.fields().items()},
+            there.get(name),
         )
-        for sheet, own, is_there in zip(sheets, fields, there, strict=True)
+        for name, sheet in sheets.items()
     ]
-    of_plies = []
-    for columns in columns_of(plies):
-        values = {
-            "stack_thickness": columns.thickness,
-            "stack_areal_fibre_mass": columns.areal_mass,
-            "stack_fibre_volume_fraction": columns.fibre_volume_fraction,
-            "stack_ply_count": columns.ply_count.astype(float),
-        }
-        of_plies.append(
-            {
-                name: (value, FIELDS[name].attributes(name))
-                for name, value in values.items()
-                if value is not None
-            }
-        )
-    return of_plies
+    return columns_of(plies)
+
+
+def _through_stack(columns: Columns) -> dict[str, Described]:
+    """Return the fields of the stack on the faces of a ply."""
+    values = {
+        "stack_thickness": columns.thickness,
+        "stack_areal_fibre_mass": columns.areal_mass,
+        "stack_fibre_volume_fraction": columns.fibre_volume_fraction,
+        "stack_ply_count": columns.ply_count.astype(float),
+    }
+    return {
+        name: (value, FIELDS[name].attributes(name))
+        for name, value in values.items()
+        if value is not None
+    }
 
 
 def _joined(fields: Sequence[dict[str, Described]], counts: Sequence[int]) -> dict[str, Described]:

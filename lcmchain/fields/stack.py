@@ -145,9 +145,9 @@ class StackedPly:
             there=there,
         )
 
-    def counts_in(self, frame: int) -> bool:
-        """Tell whether it counts in the sums of a frame."""
-        return not self.is_film and (self.there is None or bool(self.there[frame]))
+    def is_there(self, frame: int) -> bool:
+        """Tell whether it is there in a frame."""
+        return self.there is None or bool(self.there[frame])
 
     def counted(self, values: np.ndarray) -> np.ndarray:
         """Return values (F, m) with 0 in the frames in which it is not there."""
@@ -174,12 +174,15 @@ class Columns:
     ply_count : how many plies, its own among them.
     thickness : [m], None where a ply predicts none. areal_mass : of the fibres [kg/m²].
     fibre_volume_fraction : of the stack, None where it is not known.
+    below, above : thickness of the other plies on either side of its own, films among them [m].
     """
 
     ply_count: np.ndarray
     thickness: np.ndarray | None
     areal_mass: np.ndarray
     fibre_volume_fraction: np.ndarray | None
+    below: np.ndarray
+    above: np.ndarray
 
 
 def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
@@ -204,12 +207,21 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
             thickness = np.zeros(shape) if ply.is_film else ply.counted(ply.thickness.copy())  # type: ignore[union-attr]
         if is_known:
             volume = np.zeros(shape) if ply.is_film else mass / ply.fibre_density
-        for other in stay:
+        below, above = np.zeros(shape), np.zeros(shape)
+        for other in plies:
             if other is ply:
                 continue
-            for frame in filter(other.counts_in, frames):
+            for frame in filter(other.is_there, frames):
                 met = faces_met(ply, other, frame, reach)
                 there = met >= 0
+                lies_above = there & is_above(ply, other, frame, met)
+                own = other.initial_thickness
+                if other.thickness is not None:
+                    own = other.thickness[frame, met]
+                above[frame] += np.where(lies_above, own, 0.0)
+                below[frame] += np.where(there & ~lies_above, own, 0.0)
+                if other.is_film:
+                    continue
                 count[frame] += there
                 mass[frame, there] += other.areal_mass[frame, met[there]]
                 if thickness is not None:
@@ -222,8 +234,15 @@ def columns_of(plies: Sequence[StackedPly]) -> list[Columns]:
         if volume is not None and thickness is not None:
             with np.errstate(divide="ignore", invalid="ignore"):  # a film beside the preform
                 fraction = volume / thickness
-        columns.append(Columns(count, thickness, mass, fraction))
+        columns.append(Columns(count, thickness, mass, fraction, below, above))
     return columns
+
+
+def is_above(ply: StackedPly, other: StackedPly, frame: int, met: np.ndarray) -> np.ndarray:
+    """Tell of every face whether the face ``met`` (m,) of another ply lies over it (m,)."""
+    corners = ply.positions[frame][ply.faces]
+    away = _centres(other.positions[frame][other.faces[met]]) - _centres(corners)
+    return np.einsum("mi,mi->m", away, face_area_vectors(corners)) > 0.0
 
 
 def faces_met(ply: StackedPly, other: StackedPly, frame: int, reach: float) -> np.ndarray:

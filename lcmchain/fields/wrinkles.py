@@ -14,8 +14,8 @@ line of nodes, 0.7 and more farther in. A smooth sphere of radius R is missed by
 a cylinder by 3/8 of it.
 
 The fillet of a tool is sharper than that, but no wrinkle. Therefore a height is at most the clear
-distance to the tool that the sheet has lifted off from, below a crest or above a trough. A sheet
-that lies on a tool has the tool's shape, and no height.
+distance to the tool that the sheet has lifted off from, below a crest or above a trough, less the
+plies of a stack that lie between. A sheet that lies on a tool has the tool's shape, and no height.
 
 A wave is where the sheet turns back and forth along a fibre.
 
@@ -52,7 +52,7 @@ composite reinforcement forming", Compos. Sci. Technol. 71, 2011. Their combinat
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -123,19 +123,53 @@ def wrinkle_height(
     -------
     Heights [m], shape (F, n) for n nodes of the mid-surface, positive towards the upper face.
     """
+    return lifted_off(mesh, positions, wavelength, tools=tools, travel=travel).height
+
+
+class Lifted(NamedTuple):
+    """How far a sheet has lifted off, and from what.
+
+    height : of the wrinkles, as :func:`wrinkle_height` has it (F, n) [m].
+    room : clear distance to the tool on the side that each node has lifted off from (F, n) [m],
+        infinite without one.
+    """
+
+    height: np.ndarray
+    room: np.ndarray
+
+    def less(self, below: np.ndarray, above: np.ndarray) -> np.ndarray:
+        """Return the heights where other plies take a part of the room.
+
+        below, above : thickness of what lies between the nodes and a tool there (F, n) [m].
+        """
+        room = np.maximum(self.room - np.where(self.height > 0.0, below, above), 0.0)
+        return np.sign(self.height) * np.minimum(np.abs(self.height), room)
+
+
+def lifted_off(
+    mesh: SheetMesh,
+    positions: np.ndarray,
+    wavelength: float,
+    *,
+    tools: ToolTable | None = None,
+    travel: np.ndarray | None = None,
+) -> Lifted:
+    """Return the heights of wrinkles and the room that limits them; as :func:`wrinkle_height`."""
     positions = np.asarray(positions, dtype=float)
     faces = closed_faces(mesh.sheet_faces)
     surfaces = mesh.mid_surface(positions)
     heights = np.zeros(surfaces.shape[:2])
+    rooms = np.full(heights.shape, np.inf)
     for frame, smooth in enumerate(_smoothed(mesh, surfaces, wavelength)):
         normals = node_normals(smooth, faces)
         off = np.einsum("ni,ni->n", surfaces[frame] - smooth, normals)
         if tools is not None and travel is not None:
             bottom, top = faces_of_sheet(mesh, positions[frame], surfaces[frame], normals)
             below, above = clear_distances(tools, travel[frame], bottom, top, mesh.thickness)
-            off = np.sign(off) * np.minimum(np.abs(off), np.where(off > 0.0, below, above))
+            rooms[frame] = np.where(off > 0.0, below, above)
+            off = np.sign(off) * np.minimum(np.abs(off), rooms[frame])
         heights[frame] = off
-    return heights
+    return Lifted(heights, rooms)
 
 
 # --- smoothing ------------------------------------------------------------------------------------

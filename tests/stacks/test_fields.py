@@ -1,15 +1,20 @@
 """Fields of a stack in a result: columns through the plies, plies by themselves, VTU, summary."""
 
+from dataclasses import replace
+
 import meshio
 import numpy as np
 import pytest
 
-from lcmchain.fields import write_vtu
-from lcmchain.fields.dataset import SHEET
+from lcmchain.fields import FrameSeries, write_vtu
+from lcmchain.fields.dataset import SHEET, LaidSheet, SheetFrames, sheets_datasets
 from lcmchain.fields.sheet import sheet_areas, sheet_positions
 from lcmchain.fields.stack import PLY, StackedPly, columns_of, plies_of, ply_names, ply_sheet
 from lcmchain.fields.summary import field_summary, stack_summary
+from lcmchain.fields.wrinkles import lifted_off
+from lcmchain.mesh.mid_surface import MidSurfaceMesh
 from lcmchain.report.numbers import key_numbers, ply_numbers
+from lcmchain.tools import build_tool_table
 
 SCENE = """
 material = { preset = "MD600" }
@@ -119,6 +124,48 @@ def test_a_ply_without_thickness_leaves_the_count_and_the_mass():
         assert columns.thickness is None
         assert columns.fibre_volume_fraction is None
         assert (columns.ply_count[0, 0], columns.areal_mass[0, 0]) == (2, 2.0)
+
+
+def test_columns_tell_on_which_side_of_a_ply_the_others_lie():
+    plies = [flat_ply(1.0, 3e-4 * level, 1e-4 * (level + 1)) for level in range(3)]
+    plies[0] = replace(plies[0], is_film=True)
+    beside = [(c.below[0, 0], c.above[0, 0]) for c in columns_of(plies)]
+    np.testing.assert_allclose(beside, [(0.0, 5e-4), (1e-4, 3e-4), (3e-4, 0.0)], atol=1e-15)
+    later = replace(plies[2], there=np.array([False]))
+    assert columns_of([*plies[:2], later])[1].above[0, 0] == 0.0
+
+
+def test_a_ply_between_another_and_a_tool_leaves_no_room_for_a_wrinkle(scene_of):
+    """Both plies wave alike, their crests 0.3 mm above the plate: so high are the wrinkles."""
+    amplitude, room = 1e-3, 0.3e-3
+    scene = scene_of(
+        'layup = "[0/90, 0/90]"\nmaterial = { preset = "MD600" }\n'
+        'blank = { size = ["120 mm", "40 mm"], edge_length = "4 mm" }\n'
+        '[[tools]]\nname = "plate"\nshape = { type = "plate", side = "below" }\n'
+    )
+    tools = build_tool_table(scene.tools, None, 0.01)
+    sheets, positions = {}, []
+    for level, ply in enumerate(scene.stack):
+        mesh = MidSurfaceMesh.of_blank(ply.build_blank())
+        waves = mesh.node_positions.copy()
+        waves[:, 2] = room + (level + 0.5) * T
+        waves[:, 2] -= amplitude * (1.0 - np.cos(2.0 * np.pi * waves[:, 0] / 0.04))
+        both = np.stack([waves, waves])
+        lifted = lifted_off(mesh, both, 0.05, tools=tools, travel=np.zeros((2, 1)))
+        given = {"thickness": np.full((2, mesh.element_count), T)}
+        none = np.empty((2, 0, mesh.element_count))
+        sheets[ply.name] = SheetFrames(
+            LaidSheet(mesh, ply.built_material()), both, none, given, None, lifted, 0.05
+        )
+        positions.append(both)
+    frames = FrameSeries(np.array([0.0, 0.01]), np.concatenate(positions, axis=1),
+                         np.zeros((2, 1)), np.zeros((2, 1, 3)), tool_names=("plate",))  # fmt: skip
+    groups = sheets_datasets(scene, sheets, frames)
+    for name, own in plies_of(groups):
+        height = own[SHEET]["wrinkle_height"].values[-1]
+        crests = np.isclose(np.abs(sheets[name].mesh.node_positions[:, 0]), 0.04)
+        assert height[crests] == pytest.approx(room, abs=0.05 * T), name
+    assert sheets["ply_2"].wrinkles.height.max() == pytest.approx(amplitude, rel=0.1)
 
 
 def test_every_ply_reads_as_a_result_with_one_sheet(groups, scene):
