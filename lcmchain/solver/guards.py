@@ -32,6 +32,7 @@ from lcmchain.state import (
     State,
 )
 from lcmchain.thresholds import LARGEST_KINETIC_PART
+from lcmchain.tools.distance import gaps
 
 # Deeper in a tool than this part of its thickness, the sheet is not where the tools hold it.
 DEEPEST_PENETRATION = 0.15
@@ -104,10 +105,39 @@ def require_outside(model: Model, state: State) -> None:
     if len(model.bodies) > 1:
         whose = f"the thinnest ply, {thinnest.name} ({1e3 * thinnest.material.thickness:.3g} mm)"
     raise SimulationError(
-        f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {when(state)}, more than "
-        f"{DEEPEST_PENETRATION:g} of the thickness of {whose}. Likely cause: too much pressure "
-        f"for a contact stiffness of {1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and "
-        f"stroke of the tools, or set {stiffer_contact(model, state)}"
+        f"nodes are {depth:.3f} mm inside {model.tool_names[tool]} at {when(state)}"
+        f"{_place_in_tool(model, state, tool, limit)}, more than {DEEPEST_PENETRATION:g} of the "
+        f"thickness of {whose}. Likely cause: too much pressure for a contact stiffness of "
+        f"{1e-9 * model.environment.penalty:.3g} N/mm^3; check gap and stroke of the tools, or set "
+        f"{stiffer_contact(model, state)}"
+    )
+
+
+def _place_in_tool(model: Model, state: State, tool: int, limit: float) -> str:
+    """Say where nodes have sunk into a tool, or what strikes it where they have come out again.
+
+    limit : depth [m] of the guard; half of it tells the place.
+    """
+    near = np.flatnonzero(state.near[tool])
+    if not near.size:
+        return ""
+    points = np.ascontiguousarray(state.position[:, near].T)
+    depth = -gaps(model.tools, tool, points, float(state.tool_travel[tool]))
+
+    def at(node: int) -> str:
+        element = model.element_at(node)
+        body = next(b for b in model.bodies if element < b.first_element + b.mesh.element_count)
+        number = element - body.first_element
+        place = millimetres(state.position[:, node])
+        return f"element {number}{_of_body(model, body)} at {place}"
+
+    if depth.max() > 0.5 * limit:
+        return f", the deepest in {at(near[np.argmax(depth)])}"
+    speed = np.linalg.norm(state.velocity[:, near], axis=0)
+    fastest = int(np.argmax(speed))
+    return (
+        f", from which they have come out again; of the nodes beside it {at(near[fastest])} is "
+        f"the fastest, with {speed[fastest]:.2g} m/s"
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from lcmchain import state as columns
 from lcmchain.errors import SimulationError
+from lcmchain.quantities.readable import millimetres
 from lcmchain.scene import scene_from_text
 from lcmchain.solver import guards, remedies
 from lcmchain.solver.recovery import diagnosis
@@ -98,6 +99,8 @@ def test_a_sheet_that_sinks_into_a_tool_stops_the_run():
     words = r'0\.1\d+ mm inside (bed|press) .* contact\.penalty = "(\d+) N/mm\^3"$'
     with pytest.raises(SimulationError, match=words) as error:
         sim.advance_to(10e-3)
+    place = r"\(step \d+\), the deepest in element \d+ at \(-?\d+\.\d\d, .*\) mm, more than 0\.15"
+    assert re.search(place, str(error.value))
     # what is named lets the same plates press to their end, at twice this pressure and more
     value = str(error.value).split("set ")[1]
     cured = text.replace('"1 mm"', '"0.4 mm"')
@@ -116,6 +119,22 @@ def sunk(scene, depth, part_of_the_process):
     with pytest.raises(SimulationError, match="mm inside") as error:
         guards.require_outside(sim.model, sim.state)
     return sim, str(error.value).split("or set ")[1]
+
+
+def test_a_blow_that_is_over_names_what_moves_fastest_beside_the_tool():
+    """A loose edge strikes a tool between two looks, and is out again at the second."""
+    sim, _ = sunk(SCENE + PRESS, 0.2e-3, 0.5)
+    node = 7
+    sim.state.near[:] = True
+    sim.state.velocity[2, node] = 2.5
+    with pytest.raises(SimulationError) as error:
+        guards.require_outside(sim.model, sim.state)
+    place = millimetres(sim.state.position[:, node])
+    element = f"element {sim.model.element_at(node)} at {place}"
+    words = (
+        f"come out again; of the nodes beside it {element} is the fastest, with 2.5 m/s, more than"
+    )
+    assert words in str(error.value)
 
 
 def named_stiffness(entry):
