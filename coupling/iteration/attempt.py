@@ -18,7 +18,8 @@ from lcmchain.coupling.iteration.schemes import Scheme
 from lcmchain.coupling.iteration.sweep import Sweep
 from lcmchain.errors import SimulationError
 
-#: Growth of a residual, over its first value and the size of the field, that ends an iteration.
+#: Growth of a residual, over its first value, its limit and the size of the field, that ends an
+#: iteration.
 HOPELESS = 1e12
 
 
@@ -87,7 +88,7 @@ class Iteration:
         inputs = window.predicted if scheme.explicit else self._bounded(window.predicted)
         before = inputs
         sizes = [0.0] * len(sweep.exchanges)  # least of each field so far
-        first: list[float] = []  # residuals of the first iteration
+        first: list[Judgement] = []  # of the first iteration
         for iteration in range(1, scheme.most_iterations + 1):
             if iteration > 1:
                 sweep.restore(window.start)
@@ -95,10 +96,8 @@ class Iteration:
             sizes = [_least(size, rms(field)) for size, field in zip(sizes, answers)]
             judgements = self._judge(inputs, before, answers, window.begin)
             converged = all(judgement.converged for judgement in judgements)
-            residuals = [judgement.residual for judgement in judgements]
-            first = residuals if iteration == 1 else first
-            known = np.maximum(first, self._scales)
-            hopeless = any(now > HOPELESS * then > 0.0 for now, then in zip(residuals, known))
+            first = judgements if iteration == 1 else first
+            hopeless = self._is_hopeless(judgements, first)
             last = iteration == scheme.most_iterations or hopeless
             done = converged or acceleration is None or last
             proposal = None if done else self._propose(inputs, answers, sizes)
@@ -108,6 +107,20 @@ class Iteration:
             inputs, before = proposal, answers
         missed = self._missed(window.predicted, answers)
         return Attempt(iteration, inputs, answers, judgements, converged, missed)
+
+    def _is_hopeless(self, judgements: list[Judgement], first: list[Judgement]) -> bool:
+        """Tell whether a judged field grows beyond all bounds.
+
+        A field that need not converge tells nothing: from rounding it may grow to its size in one
+        iteration, as a pressure does when a gate opens.
+
+        first : judgements of the first iteration.
+        """
+        return any(
+            now.residual > HOPELESS * max(then.residual, then.limit, scale) > 0.0
+            for now, then, scale in zip(judgements, first, self._scales)
+            if math.isfinite(now.limit)
+        )
 
     def undo(self, window: Window) -> None:
         """Return to the begin of a window and forget what the scheme learnt in it."""

@@ -93,6 +93,28 @@ def test_hopeless_iterations_are_given_up():
         system.advance(1.0)
 
 
+def test_a_field_that_is_not_judged_may_grow_from_rounding_to_its_size():
+    """As the pressure in a dry part when a gate opens: no divergence."""
+    parts = rods(0.5, fixed_point(), window=1.0).parts
+    rod = parts["a"]
+    answer = rod.get_fields
+
+    def with_rounding(names):
+        return answer(names) | {"echo": rod.x + 1e-14 * rod.time}
+
+    rod.get_fields = with_rounding
+    exchanges = [
+        Exchange("a", "b", "y", "x"),
+        Exchange("b", "a", "y", "x"),
+        Exchange("a", "b", "echo", tolerance=None),
+    ]
+    system = CoupledSystem(parts, exchanges, fixed_point(), window=1.0, prediction=0)
+    system.advance(1.0)
+    grown = [step.residual[2] for step in system.history.iterations]
+    assert grown[1] > 1e12 * grown[0] > 0.0
+    assert system.history.windows[-1].outcome == 0
+
+
 def test_going_on_is_an_option_and_is_recorded(caplog):
     system = rods(2.0, fixed_point(most_iterations=7), window=0.5, on_failure="go_on")
     system.advance(1.0)
