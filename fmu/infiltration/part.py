@@ -405,7 +405,7 @@ Piece = dict[str, np.ndarray]
 #: Entries of a record that saved states have; the others belong to time steps.
 OF_FRAMES = (
     "frame_time", "fill", "pressure", "resin_volume", "velocity", "cure", "temperature", "film",
-    "thickness", "frame_stage",
+    "thickness", "fibre_volume_fraction", "frame_stage",
 )  # fmt: skip
 OF_STEPS = tuple(f.name for f in fields(FillingRecord) if f.name not in OF_FRAMES)
 
@@ -439,9 +439,15 @@ class RecordPieces:
             self._add_frame(filling)
 
     def end(self, filling: Filling) -> None:
-        """Keep the last state, if anything has moved since a state was saved."""
-        if self.steps[-1]["time"][-1] > self.frames[-1]["frame_time"][-1]:
+        """Keep the last state, if anything has moved since a state was saved.
+
+        Where all is filled time goes on without steps: the state is that of the last one.
+        """
+        last = float(self.steps[-1]["time"][-1])
+        if last > self.frames[-1]["frame_time"][-1]:
             self._add_frame(filling)
+            if not filling.state.thickness_rate.any():
+                self._new.frame_time[-1] = last
             self.close()
 
     def close(self) -> None:
