@@ -52,7 +52,6 @@ from lcmchain.fmu.part import (
     PartState,
     UnitDefinition,
     named_arrays,
-    require_writable,
 )
 from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
@@ -164,8 +163,8 @@ class InfiltrationPart(Part):
     def begin(self) -> None:
         """Check where the results go, and keep the start."""
         self.record.clear()
+        self.prepare_result(self._result_file)
         if self.out_dir is not None:
-            require_writable(self.out_dir)
             self.record.begin(self.filling)
 
     @property
@@ -202,10 +201,13 @@ class InfiltrationPart(Part):
         filled = FilledPart.of_record(
             self.setup, self.record.whole(), self.filling.save(), outcome, message
         )
-        path = self.out_dir / f"{self.name}{ENDING}.nc"
+        path = self.out_dir / self._result_file
         write_filling(path, filled, filling_report(self.name, filled))
-        self.values.texts["result_file"] = str(path)
-        self.say(f"wrote {path}")
+        self.result_written(path)
+
+    @property
+    def _result_file(self) -> str:
+        return f"{self.name}{ENDING}.nc"
 
     def capture(self) -> PartState:
         """Return a copy of the state; what is never changed in place is shared."""
