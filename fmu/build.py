@@ -30,6 +30,7 @@ from lcmchain.fmu.description import (
     terminals_of,
 )
 from lcmchain.fmu.forming.interface import faces_of_plies, interface_of
+from lcmchain.fmu.forming.scene_parameters import require_settable
 from lcmchain.fmu.forming.variables import (
     FIELDS_OF_FMI2,
     FLUID_FIELDS_OF_FMI2,
@@ -99,6 +100,8 @@ def build_fmu(
     if part not in PARTS:
         raise InputError(f'no part "{part}"; there is {", ".join(PARTS)}', key="--part")
     scene = read_scene(scene_path, overrides)
+    if part == "forming":
+        require_settable(scene, scene_path, overrides)
     with tempfile.TemporaryDirectory(prefix="lcmchain-fmu-") as name:
         resources = Path(name)
         entries, faces = PARTS[part](scene, fmi, resources, **options)

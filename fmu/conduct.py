@@ -83,7 +83,7 @@ class Messages:
     """
 
     def __init__(self, name: str, report: Report) -> None:
-        self._name, self._report = name, report
+        self.name, self._report = name, report
 
     def __call__(self, text: str, status: Status = Status.OK, *, aloud: bool = False) -> None:
         """Hand a message to the master, and to stderr if it is not only an event, or ``aloud``.
@@ -91,7 +91,7 @@ class Messages:
         Most masters show no log messages unless they are asked to, and pythonfmu hands them on
         only when the call is over.
         """
-        text = encodable(f"{self._name}: {text}")
+        text = encodable(f"{self.name}: {text}")
         self._report(status, CATEGORY_OF[status], text)
         if aloud or status is not Status.OK:
             say_on_stderr(text)

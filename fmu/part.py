@@ -6,6 +6,7 @@ import json
 import math
 import os
 import tempfile
+import weakref
 import zlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ import numpy as np
 
 from lcmchain.compilation.threads import use_threads
 from lcmchain.errors import InputError, LcmchainError
-from lcmchain.fmu.conduct import Messages, Phase
+from lcmchain.fmu.conduct import Messages, Phase, Status
 from lcmchain.fmu.variables import Outputs, Values, Variable
 
 #: Name of the file of the interface at which fields are exchanged, in the resources of a unit.
@@ -76,6 +77,34 @@ class Part(ABC):
         text = self.values.texts["out_dir"]
         return Path(text) if text else None
 
+    def prepare_result(self, name: str) -> None:
+        """Check the folder of the results, and warn where another instance is to write the file.
+
+        name : of the file.
+
+        Raises
+        ------
+        InputError : the folder cannot be made or written to.
+        """
+        if self.out_dir is None:
+            return
+        require_writable(self.out_dir)
+        path = self.out_dir.resolve() / name
+        other = _writers.get(path)
+        if other is not None and other is not self:
+            self.say(
+                f"the instance {other.say.name} of this process writes {path} too: the later one "
+                "replaces the earlier one; give each an out_dir of its own",
+                Status.WARNING,
+            )
+        _writers[path] = self
+
+    def result_written(self, path: Path) -> None:
+        """Tell where the result is; from now on another instance may replace it."""
+        _writers.pop(path.resolve(), None)
+        self.values.texts["result_file"] = str(path)
+        self.say(f"wrote {path}")
+
     @abstractmethod
     def build(self) -> None:
         """Build and compile the simulation of the present parameters, at its start."""
@@ -111,6 +140,10 @@ class Part(ABC):
     @abstractmethod
     def finish(self, failure: str) -> None:
         """Write the results, if ``out_dir`` is set; failure: why the last step was undone."""
+
+
+# Instances that have not ended yet, by the files that they are to write. One that is freed is gone.
+_writers: weakref.WeakValueDictionary[Path, Part] = weakref.WeakValueDictionary()
 
 
 def require_writable(folder: Path) -> None:

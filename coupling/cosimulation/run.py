@@ -17,7 +17,11 @@ from lcmchain.coupling.cosimulation.part import SerialisedUnit, Spent
 from lcmchain.coupling.cosimulation.process_instance import LeftInCall
 from lcmchain.coupling.cosimulation.recorder import Recorder, chosen, draw_signals, summary_of
 from lcmchain.coupling.cosimulation.stopping import noting, sigterm_as_ctrl_c
-from lcmchain.coupling.cosimulation.system_file import CONVERGENCE_GROUP, System
+from lcmchain.coupling.cosimulation.system_file import (
+    CONVERGENCE_GROUP,
+    System,
+    changed_settings,
+)
 from lcmchain.coupling.cosimulation.temporary_folder import temporary_folder
 from lcmchain.coupling.iteration import CoupledSystem, NotConverged, NotSettled, PartFailed
 from lcmchain.coupling.iteration.checkpoint import (
@@ -173,6 +177,8 @@ CHECKPOINT = "cosimulation_checkpoint.npz"
 RECORDS = {record.__name__: record for record in (IterationRecord, WindowRecord, SerialisedUnit)}
 _FORM = "lcmchain cosimulation 1"
 _SYSTEM = "settings of the system"
+#: Most changes that a message lists.
+MOST_CHANGES = 8
 
 
 def fingerprint_of(assembly: Assembly) -> dict[str, str]:
@@ -197,7 +203,10 @@ def write_checkpoint(path: Path, assembly: Assembly, recorder: Recorder, wall_s:
     spent = {name: asdict(part.spent) for name, part in assembly.parts.items()}
     tree, arrays = flattened({"system": saved, "recorder": recorder.save(), "spent": spent,
                               "wall_s": wall_s})  # fmt: skip
-    header = {"fingerprint": fingerprint_of(assembly), "tree": tree, "count": len(arrays)}
+    header = {
+        "fingerprint": fingerprint_of(assembly), "settings": assembly.system.settings(),
+        "tree": tree, "count": len(arrays),
+    }  # fmt: skip
     write_archive(path, _FORM, header, {f"array_{k}": array for k, array in enumerate(arrays)})
 
 
@@ -209,7 +218,7 @@ def restore_checkpoint(path: Path, assembly: Assembly, recorder: Recorder) -> fl
     InputError : there is none, it is damaged, or it belongs to other units or settings.
     """
     header, stored = read_archive(path, _FORM, "simulate without --resume")
-    _require_same(header["fingerprint"], fingerprint_of(assembly), path)
+    _require_same(header, assembly, path)
     arrays = [stored[f"array_{number}"] for number in range(header["count"])]
     kept = restored(header["tree"], arrays, RECORDS)
     assembly.coupled.restore(kept["system"])
@@ -220,14 +229,20 @@ def restore_checkpoint(path: Path, assembly: Assembly, recorder: Recorder) -> fl
     return kept["wall_s"]
 
 
-def _require_same(then: dict[str, str], now: dict[str, str], path: Path) -> None:
+def _require_same(header: dict[str, Any], assembly: Assembly, path: Path) -> None:
+    then, now = header["fingerprint"], fingerprint_of(assembly)
     differing = [what for what in {**now, **then} if then.get(what) != now.get(what)]
     if differing:
-        changes = ", ".join(
-            f"{what} ({_short(then, what)} then, {_short(now, what)} now)" for what in differing
-        )
+        changes = [f"{what} ({_short(then, what)} then, {_short(now, what)} now)"
+                   for what in differing if what != _SYSTEM]  # fmt: skip
+        if _SYSTEM in differing:
+            # checkpoints of earlier versions hold the hash alone
+            settings = assembly.system.settings()
+            changes += changed_settings(header.get("settings", settings), settings) or [_SYSTEM]
+        listed = ", ".join(changes[:MOST_CHANGES])
+        listed += f" and {len(changes) - MOST_CHANGES} more" * (len(changes) > MOST_CHANGES)
         raise InputError(
-            f"the checkpoint was written with something else: {changes}; go on with the same units "
+            f"the checkpoint was written with something else: {listed}; go on with the same units "
             "and settings, or simulate without --resume",
             file=path,
         )

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from lcmchain.coupling.cosimulation.physical_units import PhysicalUnit
-from lcmchain.errors import InputError
+from lcmchain.errors import InputError, shortened
 from lcmchain.quantities.entry_types import (
     FROM_FILE,
     NOT_NEGATIVE,
@@ -328,6 +328,10 @@ class System(SceneModel):
 
     def digest(self) -> str:
         """Return a hash of all that the results of a run depend on."""
+        return hashlib.sha256(json.dumps(self.settings(), sort_keys=True).encode()).hexdigest()
+
+    def settings(self) -> dict[str, Any]:
+        """Return all that the results of a run depend on but its units, as JSON can hold it."""
         apart = {"units": {"__all__": {"process", "step_limit"}}}
         tables = self.model_dump(mode="json", exclude={"title": True, "recorder": True, **apart})
         # entries that came later count only where they are set: older checkpoints stay valid
@@ -336,7 +340,43 @@ class System(SceneModel):
                 del connection["continuous"]
         if tables["scheme"]["jumps"] == "once":
             del tables["scheme"]["jumps"]
-        return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
+        return tables
+
+
+def changed_settings(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """Return in words the entries in which two settings of a system differ, units by their names.
+
+    then, now : of :meth:`System.settings`.
+    """
+    earlier, later = _entries(then), _entries(now)
+    return [
+        f"{key} ({_entry_text(earlier, key)} then, {_entry_text(later, key)} now)"
+        for key in {**later, **earlier}
+        if earlier.get(key) != later.get(key)
+    ]
+
+
+def _entries(table: object, key: str = "") -> dict[str, object]:
+    """Return the entries of nested tables by dotted keys."""
+    if isinstance(table, list) and any(isinstance(entry, dict) for entry in table):
+        names = [entry.get("name") or entry.get("link") or k for k, entry in enumerate(table)]
+        # their order matters too
+        found: dict[str, object] = {key: [str(name) for name in names]}
+        rows = {f'{key}."{name}"' if " " in str(name) else f"{key}.{name}": entry
+                for name, entry in zip(names, table)}  # fmt: skip
+    elif isinstance(table, dict) and table:
+        found = {}
+        rows = {f"{key}.{name}" if key else name: entry for name, entry in table.items()}
+    else:
+        return {key: table}
+    for name, entry in rows.items():
+        found |= _entries(entry, name)
+    return found
+
+
+def _entry_text(entries: dict[str, object], key: str) -> str:
+    value = entries.get(key)
+    return "absent" if value is None else shortened(json.dumps(value))
 
 
 def read_system(path: Path | str, overrides: Sequence[str] = ()) -> System:

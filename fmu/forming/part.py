@@ -52,7 +52,6 @@ from lcmchain.fmu.part import (
     PartState,
     UnitDefinition,
     named_arrays,
-    require_writable,
 )
 from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
@@ -76,6 +75,9 @@ TRAVEL_TOLERANCE = 1e-6
 
 # Communication points seldom hit the times of the scene's frames exactly.
 TIME_TOLERANCE = 1e-6
+
+#: Name of the file of the results, as that of a run.
+RESULT_FILE = "forming.nc"
 
 # Entries of a saved state that the simulation itself keeps.
 _OF_SIMULATION = ("state", "control")
@@ -194,8 +196,7 @@ class FormingPart(Part):
 
     def begin(self) -> None:
         """Check where the results go, and save the start."""
-        if self.out_dir is not None:
-            require_writable(self.out_dir)
+        self.prepare_result(RESULT_FILE)
         self._keep_frame()
 
     @property
@@ -229,8 +230,7 @@ class FormingPart(Part):
             return
         self._keep_frame(last=True)
         path = write_result(self.out_dir, self.scene, self.simulation, self.frames, failure=failure)
-        self.values.texts["result_file"] = str(path)
-        self.say(f"wrote {path}")
+        self.result_written(path)
 
     def capture(self) -> PartState:
         """Return a copy of the state; what is never changed in place is shared."""
@@ -584,7 +584,7 @@ def write_result(
     failure : why the last step was undone, if it was.
     """
     state = _state_of(scene, simulation, failure)
-    path = folder / "forming.nc"
+    path = folder / RESULT_FILE
     write_forming_netcdf(path, forming_datasets(scene, simulation, frames, state=state))
     return path
 

@@ -6,13 +6,15 @@ The friction of the tools is always one. A scene marks further ones:
     parameters = ["tools.holder.motion.mass", "process.mass_damping"]
 
 A parameter is an entry with one number. Entries that decide the mesh cannot be parameters, since
-fields have as many values as the unit was built with.
+fields have as many values as the unit was built with. Nor can the number of grippers, each of which
+has outputs of its own.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import BaseModel
@@ -20,13 +22,16 @@ from pydantic import BaseModel
 from lcmchain.errors import InputError
 from lcmchain.fmu.variables import UNITS, Kind, Variable, quoted
 from lcmchain.quantities.entry_types import Number, Quantity
-from lcmchain.scene import Scene
+from lcmchain.scene import Scene, scene_from_text
 from lcmchain.scene.reading.overrides import _steps
 
 #: Tables that decide the mesh or the files.
 OF_THE_BUILD = (
     "blank", "plies", "layup", "element", "output", "fmu", "mapping", "infiltration",
 )  # fmt: skip
+
+#: The number of grippers of an entry along a rim, which decides the outputs.
+_NUMBER_OF_GRIPPERS = re.compile(r"grippers\b.*\bcount")
 
 #: Always parameters, where the scene has tools.
 FRICTION = "contact.friction"
@@ -44,7 +49,9 @@ class SceneParameter(NamedTuple):
 
     def override(self, value: float) -> str:
         """Return the text that sets the entry in a scene."""
-        return f'{self.key}="{value!r} {self.unit}"' if self.unit else f"{self.key}={value!r}"
+        if self.unit:
+            return f'{self.key}="{value!r} {self.unit}"'
+        return f"{self.key}={int(value) if self.variable.kind is Kind.INTEGER else value!r}"
 
 
 def scene_parameters(scene: Scene) -> tuple[SceneParameter, ...]:
@@ -57,6 +64,27 @@ def scene_parameters(scene: Scene) -> tuple[SceneParameter, ...]:
     marked = [] if scene.fmu is None else list(scene.fmu.parameters)
     keys = [FRICTION] if scene.tools and FRICTION not in marked else []
     return tuple(_parameter(scene, key) for key in dict.fromkeys([*keys, *marked]))
+
+
+def require_settable(scene: Scene, path: Path | str, given: Sequence[str]) -> None:
+    """Try out that the scene takes its parameters from a master, each with its own value.
+
+    path, given : where the scene was read, and its overrides.
+
+    Raises
+    ------
+    InputError : an entry that can be read, but not be set alone.
+    """
+    for parameter in scene_parameters(scene):
+        text = parameter.override(parameter.variable.start)  # type: ignore[arg-type]
+        try:
+            scene_from_text(scene.source.text, path, [*given, text])
+        except InputError as error:
+            raise InputError(
+                f'"{parameter.key}" cannot be a parameter of the unit, because it cannot be set '
+                f"alone: {error.message}; write a row of numbers as a list in the scene",
+                key="fmu.parameters",
+            ) from None
 
 
 def overrides(parameters: Iterable[SceneParameter], values: dict[str, float]) -> list[str]:
@@ -75,6 +103,12 @@ def _parameter(scene: Scene, key: str) -> SceneParameter:
             "when the unit is built (--set)",
             key="fmu.parameters",
         )
+    if _NUMBER_OF_GRIPPERS.fullmatch(key):
+        raise InputError(
+            f'"{key}" cannot be a parameter of the unit: it decides how many outputs there are; '
+            "set it when the unit is built (--set)",
+            key="fmu.parameters",
+        )
     value, entry = _entry(scene, key)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(
@@ -84,16 +118,17 @@ def _parameter(scene: Scene, key: str) -> SceneParameter:
         )
     unit = entry.dimension.unit if isinstance(entry, Quantity) else ""
     fmi_unit = unit.replace("^", "").replace("*", ".") or "1"
+    is_whole = isinstance(entry, Number) and entry.whole
     variable = Variable(
         ".".join(quoted(str(step)) for step in _steps(key)),
-        Kind.REAL,
+        Kind.INTEGER if is_whole else Kind.REAL,
         "parameter",
         "fixed",
         f"entry {key} of the scene" + ("" if fmi_unit in UNITS else f" in {unit}"),
-        fmi_unit if fmi_unit in UNITS else None,
+        fmi_unit if fmi_unit in UNITS and not is_whole else None,
         # pressures of a material are moduli
         "Modulus" if fmi_unit == "Pa" and key.startswith("material.") else None,
-        start=float(value),
+        start=int(value) if is_whole else float(value),
     )
     return SceneParameter(variable, key, unit)
 

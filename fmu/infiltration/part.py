@@ -52,7 +52,6 @@ from lcmchain.fmu.part import (
     PartState,
     UnitDefinition,
     named_arrays,
-    require_writable,
 )
 from lcmchain.fmu.variables import Outputs, Variable, quoted
 from lcmchain.mapping.interface import Interface, read_interface
@@ -164,8 +163,8 @@ class InfiltrationPart(Part):
     def begin(self) -> None:
         """Check where the results go, and keep the start."""
         self.record.clear()
+        self.prepare_result(self._result_file)
         if self.out_dir is not None:
-            require_writable(self.out_dir)
             self.record.begin(self.filling)
 
     @property
@@ -202,10 +201,13 @@ class InfiltrationPart(Part):
         filled = FilledPart.of_record(
             self.setup, self.record.whole(), self.filling.save(), outcome, message
         )
-        path = self.out_dir / f"{self.name}{ENDING}.nc"
+        path = self.out_dir / self._result_file
         write_filling(path, filled, filling_report(self.name, filled))
-        self.values.texts["result_file"] = str(path)
-        self.say(f"wrote {path}")
+        self.result_written(path)
+
+    @property
+    def _result_file(self) -> str:
+        return f"{self.name}{ENDING}.nc"
 
     def capture(self) -> PartState:
         """Return a copy of the state; what is never changed in place is shared."""
@@ -405,7 +407,7 @@ Piece = dict[str, np.ndarray]
 #: Entries of a record that saved states have; the others belong to time steps.
 OF_FRAMES = (
     "frame_time", "fill", "pressure", "resin_volume", "velocity", "cure", "temperature", "film",
-    "thickness", "frame_stage",
+    "thickness", "fibre_volume_fraction", "frame_stage",
 )  # fmt: skip
 OF_STEPS = tuple(f.name for f in fields(FillingRecord) if f.name not in OF_FRAMES)
 
@@ -439,9 +441,15 @@ class RecordPieces:
             self._add_frame(filling)
 
     def end(self, filling: Filling) -> None:
-        """Keep the last state, if anything has moved since a state was saved."""
-        if self.steps[-1]["time"][-1] > self.frames[-1]["frame_time"][-1]:
+        """Keep the last state, if anything has moved since a state was saved.
+
+        Where all is filled time goes on without steps: the state is that of the last one.
+        """
+        last = float(self.steps[-1]["time"][-1])
+        if last > self.frames[-1]["frame_time"][-1]:
             self._add_frame(filling)
+            if not filling.state.thickness_rate.any():
+                self._new.frame_time[-1] = last
             self.close()
 
     def close(self) -> None:

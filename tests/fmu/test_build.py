@@ -17,6 +17,7 @@ from lcmchain.errors import InputError
 from lcmchain.fmu.build import build_fmu, model_identifier
 from lcmchain.fmu.conduct import StepOutcome
 from lcmchain.fmu.description import as_bytes, model_description
+from lcmchain.fmu.forming.scene_parameters import overrides, scene_parameters
 from lcmchain.fmu.forming.variables import Abilities, field_names, forming_variables
 from lcmchain.fmu.part import UnitDefinition
 from lcmchain.fmu.variables import DECLARED_TYPES, DISPLAY_UNITS, TYPE_OF_UNIT, UNITS
@@ -273,6 +274,20 @@ def test_parameters_are_what_the_scene_marks(patch_file, tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("fmi, kind", [(2, "Integer"), (3, "Int32")])
+def test_a_parameter_that_is_a_whole_number_is_set_as_one(patch_file, tmp_path, fmi, kind):
+    marked = ['fmu.parameters=["process.frames"]']
+    unit = build_fmu(patch_file, tmp_path / "patch.fmu", fmi=fmi, overrides=marked)
+    assert validate_fmu(str(unit)) == []
+    variables = {v.name: v for v in read_model_description(str(unit)).modelVariables}
+    frames = variables["process.frames"]
+    assert (frames.type, frames.unit, frames.start) == (kind, None, "4")
+    scene = read_scene(patch_file, marked)
+    (parameter,) = (p for p in scene_parameters(scene) if p.key == "process.frames")
+    changed = overrides([parameter], {"process.frames": 9.0})
+    assert read_scene(patch_file, [*marked, *changed]).process.frames == 9
+
+
 @pytest.mark.parametrize(
     ("key", "told"),
     [
@@ -281,6 +296,8 @@ def test_parameters_are_what_the_scene_marks(patch_file, tmp_path):
         ("blank.edge_length", "decides the mesh"),
         ("tools.holder.motion.gravity", "not one number"),
         ("title", "not one number"),
+        ("grippers.rim.count", "how many outputs"),
+        ("tools.punch.position.2", "cannot be set alone: .*as a list"),
     ],
 )
 def test_a_parameter_that_is_none_is_told(patch_file, tmp_path, key, told):

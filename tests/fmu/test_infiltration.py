@@ -38,6 +38,7 @@ CASE = (
     + fillings.GATE
     + fillings.VENT
 )
+QUICK = CASE.replace("0.1 Pa*s", "0.01 Pa*s")  # all is filled long before the end
 RATE_GATE = fillings.GATE.replace('pressure = "1 bar"', 'flow_rate = "50 mm^3/s"')
 
 
@@ -179,16 +180,16 @@ def test_fmpy_finds_no_problem(made, fmi, motion):
     assert list(told.values()) == list(FRONT.values()) and told["filled"] == FRONT["filled"]
 
 
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_result_is_that_of_the_command_to_the_last_bit(made, kit, tmp_path, fmi):
+@pytest.mark.parametrize("fmi, case", [(2, CASE), (3, CASE), (3, QUICK)])
+def test_result_is_that_of_the_command_to_the_last_bit(made, kit, tmp_path, fmi, case):
     """Every group and field; fmpy drives the unit, ``lcmchain fill`` goes its own way."""
     fmpy.simulate_fmu(
-        str(made(fmi=fmi)), stop_time=64.0, output_interval=16.0,
+        str(made(fmi=fmi, case=case)), stop_time=64.0, output_interval=16.0,
         start_values={"out_dir": str(tmp_path / "unit")}, output=["fill_fraction"],
     )  # fmt: skip
     options = FillOptions(picture=False, vtu=False)
     fill_part(
-        kit.source, kit.case(), name="infiltration", out_dir=tmp_path / "run", options=options
+        kit.source, kit.case(case), name="infiltration", out_dir=tmp_path / "run", options=options
     )
     (found,) = (tmp_path / "unit").iterdir()
     with xr.open_datatree(found) as unit, xr.open_datatree(tmp_path / "run" / found.name) as run:
@@ -203,6 +204,20 @@ def test_result_is_that_of_the_command_to_the_last_bit(made, kit, tmp_path, fmi)
         differing = {key for key in run.attrs if str(unit.attrs[key]) != str(run.attrs[key])}
         assert differing <= {"history"}
         assert run["history"]["filled_share"][-1] > 0.4
+
+
+def test_a_result_has_every_step_and_the_last_state_wherever_a_master_ends(master, tmp_path):
+    """Also where no state of the case is due within the steps of the master."""
+    unit = master({"out_dir": str(tmp_path / "unit")}, motion="none")
+    for _ in range(3):
+        unit.step(5.0)
+    unit.slave.terminate()
+    (found,) = (tmp_path / "unit").iterdir()
+    with xr.open_datatree(found) as result:
+        np.testing.assert_array_equal(result["time"], [0.0, 15.0])
+        history = result["history"].to_dataset()
+        times = history["history_time"]
+        assert np.isin([0.0, 5.0, 10.0, 15.0], times).all() and np.all(np.diff(times) > 0.0)
 
 
 def test_outputs_are_those_of_the_direct_filling(master, kit):

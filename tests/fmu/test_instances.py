@@ -126,6 +126,38 @@ def test_a_reset_needs_the_folder_no_more(folders, tmp_path):
     assert again.set_up(0.0) is again.enter_initialization() is Status.OK
 
 
+def test_two_instances_that_write_one_file_are_told(folders, tmp_path):
+    """The later one replaces the results of the earlier one; what has ended may be replaced."""
+    where = str(Path(folders[2, 5], "resources"))
+    told = []
+
+    def begun(name, folder):
+        hear = lambda status, _, text: told.append((status, text))  # noqa: E731
+        unit = open_unit(where, name, hear, arrays=False)
+        unit.set_up(0.0)
+        unit.enter_initialization()
+        unit.set_texts([unit.layout.slots["out_dir"].start], [str(folder)])
+        unit.exit_initialization()
+        return unit
+
+    def warnings():
+        found = [text for status, text in told if status == Status.WARNING]
+        told.clear()
+        return found
+
+    here = tmp_path / "here"
+    one, other = begun("one", here), begun("other", tmp_path / "there")
+    assert warnings() == []
+    again = begun("again", here / ".." / "here")
+    (warning,) = warnings()
+    assert warning.startswith(f"again: the instance one of this process writes {here}/forming.nc")
+    for unit in (one, again, other):
+        unit.terminate()
+    begun("later", here)
+    begun("last", here)
+    assert warnings() == [], "those before have ended, or are gone"
+
+
 CYCLES = """
 import gc, sys
 sys.path.insert(0, {here!r})

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -13,7 +14,9 @@ from lcmchain.coupling.cosimulation.archive import read_xml, unpack
 from lcmchain.coupling.cosimulation.description import UnitDescription, Variable, read_description
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
+    PhysicalUnit,
     UnitError,
+    conversion,
     is_usual,
     unit_from_name,
 )
@@ -112,6 +115,7 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[TomlTab
         s: _described(folder, s, scratch) for s in dict.fromkeys(structure.sources.values())
     }
     descriptions = {place: by_source[source] for place, source in structure.sources.items()}
+    structure.direct(_kinds(structure, descriptions))
     kept = _annotation(root)
     data: TomlTable = {"title": root.get("name") or "Co-simulation"}
     data |= _experiment(root, structure)
@@ -122,6 +126,8 @@ def _tables(folder: Path, name: str, scratch: Path, path: Path) -> tuple[TomlTab
         descriptions[place], _ = configure(names[place], descriptions[place], start)
     _require_sizes(structure, descriptions)
     _tell_other_types(structure, descriptions)
+    _tell_other_kinds_and_units(structure, descriptions)
+    _tell_systems_that_do_not_fit(structure, descriptions)
     links = _links(structure, names, descriptions)
     data["connections"] = [
         link if table == {"link": link} else table for link, table in links.items()
@@ -261,13 +267,99 @@ def _require_sizes(structure: Structure, descriptions: dict[Place, UnitDescripti
             )
 
 
+def _kinds(structure: Structure, descriptions: dict[Place, UnitDescription]) -> dict[Node, str]:
+    """Return kinds of connectors; of components those of the variables of their units."""
+    kinds = dict(structure.connector_kinds)
+    ends = [node for one in structure.connections for node in (one.start, one.end)]
+    for node in (*kinds, *ends):
+        place, name = node
+        variable = _variable(descriptions[place], name) if place in descriptions else None
+        if variable is not None:
+            kinds[node] = variable.causality
+    return kinds
+
+
+def _variable(description: UnitDescription, name: str) -> Variable | None:
+    """Return a variable or one value of a field of FMI 2; None where there is none."""
+    return description.variables.get(name) or description.elements.get(name)
+
+
+def _tell_other_kinds_and_units(
+    structure: Structure, descriptions: dict[Place, UnitDescription]
+) -> None:
+    """Warn of connectors whose kind or unit of measurement is not that of their variable."""
+    for node, kind in structure.connector_kinds.items():
+        place, name = node
+        variable = _variable(descriptions[place], name) if place in descriptions else None
+        if variable is None:
+            continue
+        if kind not in ("", "unspecified", variable.causality):
+            structure.remarks.append(
+                f"the connector {node_text(node)} is of the kind {kind}, but the variable of its "
+                f"unit is {variable.causality}, which is taken; correct the connector"
+            )
+        stated = structure.connector_units.get(node)
+        if stated is None or variable.unit is None or stated == variable.unit.name:
+            continue
+        try:
+            same = conversion(unit_from_name(stated, structure.measures), variable.unit).is_identity
+        except UnitError:
+            same = False
+        if not same:
+            structure.remarks.append(
+                f"the connector {node_text(node)} is in {stated}, but the variable of its unit is "
+                f"in {variable.unit.name}, which is taken; correct the connector"
+            )
+
+
+#: Types of values that reach a type as they are, beside the type itself.
+_REACH = {"Real": ("Integer", "Boolean"), "Integer": ("Boolean",)}
+
+
+def _tell_systems_that_do_not_fit(
+    structure: Structure, descriptions: dict[Place, UnitDescription]
+) -> None:
+    """Warn of connectors of systems with a type or unit that no value of the other end has.
+
+    Between components, these are errors later on.
+    """
+
+    def stated(node: Node) -> tuple[str | None, PhysicalUnit | None]:
+        place, name = node
+        variable = _variable(descriptions[place], name) if place in descriptions else None
+        kind = structure.connector_types.get(node) if variable is None else type_of(variable)
+        measure = None if variable is None else variable.unit
+        if measure is None and node in structure.connector_units:
+            with suppress(UnitError):
+                measure = unit_from_name(structure.connector_units[node], structure.measures)
+        return "Integer" if kind == "Enumeration" else kind, measure
+
+    for end, (start, step) in structure.edges.items():
+        if {start[0], end[0]} <= structure.sources.keys():
+            continue
+        (source, given), (target, taken) = stated(start), stated(end)
+        reason = ""
+        if source and target and source != target and source not in _REACH.get(target, ()):
+            reason = f"{source} is no {target}"
+        elif given and taken and step.convert_units:
+            try:
+                conversion(given, taken)
+            except UnitError as error:
+                reason = str(error)
+        if reason:
+            structure.remarks.append(
+                f"the connection from {node_text(start)} to {node_text(end)} does not fit: "
+                f"{reason}; correct the connector of the system"
+            )
+
+
 def _tell_other_types(structure: Structure, descriptions: dict[Place, UnitDescription]) -> None:
     """Warn of connectors whose type is not that of their variable, which the standard forbids."""
     for (place, name), stated in structure.connector_types.items():
         if place not in structure.sources:
             continue
         description = descriptions[place]
-        variable = description.variables.get(name) or description.elements.get(name)
+        variable = _variable(description, name)
         if variable is None or stated == variable.type_name == "Enumeration":
             continue
         if stated != type_of(variable):
@@ -384,30 +476,68 @@ def _starts(
         known = [
             target
             for target in targets
-            if target[1]
-            in {**descriptions[target[0]].variables, **descriptions[target[0]].elements}
+            if _variable(descriptions[target[0]], target[1]) is not None
         ]
         if not known:
             structure.remarks.append(f"the value of {node_text(node)} has no variable to go to")
         for place, name in known:
             variable = descriptions[place].find(name)
-            values = [_start(given, text, node, variable) for text in given.texts]
+            measure = _measure_at(node, structure, variable)
+            names = {**structure.measures, **descriptions[place].units}
+            values = [_start(given, text, node, variable, measure, names) for text in given.texts]
             starts[place][name] = values if given.is_array else values[0]
     return starts
 
 
+def _measure_at(node: Node, structure: Structure, variable: Variable) -> PhysicalUnit | None:
+    """Return the unit of a connector, None where there is none.
+
+    That of a connector of a system need not be that of the variable that its value goes to.
+    """
+    stated = structure.connector_units.get(node)
+    if stated is None or (node[0] in structure.sources and variable.unit is not None):
+        return variable.unit
+    try:
+        return unit_from_name(stated, structure.measures)
+    except UnitError:
+        return variable.unit
+
+
 def _start(
-    given: Given, text: str, node: Node, variable: Variable
+    given: Given,
+    text: str,
+    node: Node,
+    variable: Variable,
+    measure: PhysicalUnit | None,
+    known: Mapping[str, PhysicalUnit],
 ) -> bool | int | str | dict[str, float]:
-    """Return a value, or one of an array, as the file of a system states it."""
+    """Return a value, or one of an array, as the file of a system states it.
+
+    Parameters
+    ----------
+    node, measure : the connector or variable that it is given for, and its unit.
+    variable : that it goes to.
+    known : units of measurement by name.
+
+    Raises
+    ------
+    InputError : it is none of its type, or in a unit that does not fit.
+    """
     if given.kind != "Real":
         return value_of_text(given, text, node_text(node))
     try:
         number = float(text)
     except ValueError:
         raise InputError(f'the value of {node_text(node)}, "{text}", is no {given.kind}') from None
-    if not given.unit:
-        return {"value": number}  # in the unit of the variable
+    try:
+        if not given.unit:
+            return {"value": _in_unit_of(variable, number, measure)}
+        if given.change is not None and measure is not None:
+            own = given.measure or unit_from_name(given.unit, known)
+            change = conversion(own, measure, relative=variable.relative).then(given.change)
+            return {"value": _in_unit_of(variable, change.factor * number + change.offset, measure)}
+    except UnitError as error:
+        raise InputError(f"the value of {node_text(node)}: {error}") from None
     unit = given.measure
     if unit is None or is_usual(unit):
         return f"{number!r} {given.unit}"
@@ -415,6 +545,13 @@ def _start(
     base = "*".join(f"{name}^{power:g}" for name, power in zip(BASE, unit.exponents) if power)
     value = unit.factor * number + (0.0 if variable.relative else unit.offset)
     return f"{value!r} {base}".strip()
+
+
+def _in_unit_of(variable: Variable, number: float, measure: PhysicalUnit | None) -> float:
+    if measure is None or variable.unit is None:
+        return number
+    change = conversion(measure, variable.unit, relative=variable.relative)
+    return number if change.is_identity else change.factor * number + change.offset
 
 
 def _quantities(structure: Structure, place: Place, description: UnitDescription) -> dict[str, str]:

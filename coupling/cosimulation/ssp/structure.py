@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 from lcmchain.coupling.cosimulation.description import TRUTHS, Variable
 from lcmchain.coupling.cosimulation.physical_units import (
     BASE,
+    Conversion,
     PhysicalUnit,
     UnitError,
     unit_from_base,
@@ -71,6 +72,7 @@ class Given:
     is_array : whether it is one, even of a single entry.
     measure : the unit where the parameter set or the structure defines it.
     items : of the enumeration, as the archive defines them.
+    change : by a mapping, of the value in the unit of its target.
     """
 
     kind: str
@@ -79,6 +81,7 @@ class Given:
     unit: str | None = None
     measure: PhysicalUnit | None = None
     items: Mapping[str, int] | None = None
+    change: Conversion | None = None
 
 
 def given_of(parameter: Element, measures: Mapping[str, PhysicalUnit], items: Items) -> Given:
@@ -213,6 +216,11 @@ def _as_usual(own: PhysicalUnit) -> PhysicalUnit:
 # --- nested systems, flattened to components and their links --------------------------------------
 
 
+#: Kinds of connectors that a value leaves an element by, and those that it enters one by. To the
+#: inside of a system its own connectors are the other way round.
+LEAVING = ("output", "calculatedParameter", "local", "constant")
+ENTERING = ("input", "parameter", "structuralParameter", "inout")
+
 #: Versions of the standard that are read; 1.1 is 1.0 with other diagrams.
 VERSIONS = ("1.0", "1.1", "2.0")
 
@@ -235,6 +243,19 @@ class Transformation:
         return self == Transformation()
 
 
+@dataclass(frozen=True)
+class Connection:
+    """A connection as it stands in the file: its start need not be where the value comes from.
+
+    owner : path of the system that it stands in.
+    """
+
+    owner: Path
+    start: Node
+    end: Node
+    step: Transformation
+
+
 @dataclass
 class Structure:
     """Components by their paths, their connections, and the values of parameters.
@@ -243,8 +264,9 @@ class Structure:
     ----------
     sources : archives of the units by component.
     connector_units : units of measurement that connectors state.
-    connector_types : types that connectors state.
-    edges : from a connector to the one that feeds it.
+    connector_types, connector_kinds : types and kinds that connectors state.
+    connections : as they stand in the file.
+    edges : from a connector to the one that feeds it; see :meth:`direct`.
     values : later ones replace earlier ones.
     measures, items : units of measurement and enumerations that the structure defines.
     dimensions : sizes of array connectors: a number, the name of the connector that holds it, or
@@ -257,6 +279,8 @@ class Structure:
     sources: dict[Path, str] = field(default_factory=dict)
     connector_units: dict[Node, str] = field(default_factory=dict)
     connector_types: dict[Node, str] = field(default_factory=dict)
+    connector_kinds: dict[Node, str] = field(default_factory=dict)
+    connections: list[Connection] = field(default_factory=list)
     edges: dict[Node, tuple[Node, Transformation]] = field(default_factory=dict)
     values: list[tuple[Node, Given]] = field(default_factory=list)
     measures: dict[str, PhysicalUnit] = field(default_factory=dict)
@@ -266,6 +290,32 @@ class Structure:
     remarks: list[str] = field(default_factory=list)
     window_remark: str = ""
     end_remark: str = ""
+
+    def direct(self, kinds: Mapping[Node, str]) -> None:
+        """Find out which way values go through the connections.
+
+        Parameters
+        ----------
+        kinds : of connectors, for components those of the variables of their units.
+
+        Raises
+        ------
+        InputError : two connections lead to the same connector.
+        """
+        for connection in self.connections:
+            start, end = connection.start, connection.end
+            at_start, at_end = (_is_source(node, connection.owner, kinds) for node in (start, end))
+            if at_start is not True and at_end is not False and at_start is not at_end:
+                start, end = end, start
+            elif at_start is at_end is not None and not {start[0], end[0]} <= self.sources.keys():
+                self.remarks.append(
+                    f"the connection between {node_text(start)} and {node_text(end)} joins two "
+                    f"connectors that {'give' if at_start else 'take'} values, which SSP does not "
+                    "allow; the first is taken for the one that gives, correct its kind"
+                )
+            if end in self.edges:
+                raise InputError(f"two connections lead to {node_text(end)}")
+            self.edges[end] = (start, connection.step)
 
     def links(self) -> Iterator[tuple[Node, Node, Transformation]]:
         """Yield connections to components, each from a component or from an outer system."""
@@ -317,6 +367,16 @@ class Structure:
                 f'"{there}", but {node_text(end)} is in "{here}"; give both the same unit, and the '
                 "transformation to it"
             )
+
+
+def _is_source(node: Node, owner: Path, kinds: Mapping[Node, str]) -> bool | None:
+    """Whether values of a connection in the system ``owner`` come from a connector.
+
+    None if its kind does not say so.
+    """
+    kind = kinds.get(node)
+    leaving, entering = (LEAVING, ENTERING) if node[0] != owner else (ENTERING, LEAVING)
+    return True if kind in leaving else False if kind in entering else None
 
 
 def node_text(node: Node) -> str:
@@ -406,20 +466,15 @@ def _read_system(
                 f"the connection to {node_text(end)} is one of single entries of an array "
                 "(startIndices, endIndices), which is not read; connect whole arrays"
             )
-        _connect(structure, start, end, _transformation(connection))
+        structure.connections.append(Connection(path, start, end, _transformation(connection)))
     # outer ones come later, and take precedence
     _read_bindings(structure, system, path, load)
-
-
-def _connect(structure: Structure, start: Node, end: Node, step: Transformation) -> None:
-    if end in structure.edges:
-        raise InputError(f"two connections lead to {node_text(end)}")
-    structure.edges[end] = (start, step)
 
 
 def _read_connectors(structure: Structure, element: Element, path: Path) -> None:
     for connector in element.findall(f"{SSD}Connectors/{SSD}Connector"):
         node = path, connector.get("name", "")
+        structure.connector_kinds[node] = connector.get("kind", "")
         for child in connector:
             kind = KINDS.get(child.tag.removeprefix(SSC))
             if kind in NOT_EXCHANGED:
@@ -547,17 +602,25 @@ def _mapped(
                 f'"{source}"'
             )
             continue
+        if target in mapped:
+            raise InputError(
+                f'a mapping leads more than one parameter to "{shortened(target)}", the last of '
+                f'them "{shortened(source)}"; remove all entries for it but one'
+            )
         step = _transformation(entry)
-        if (step.factor, step.offset) != (1.0, 0.0):
-            value = _transformed(value, step, source)
         if not step.convert_units:
             value = replace(value, unit=None, measure=None)
+        if (step.factor, step.offset) != (1.0, 0.0):
+            value = _transformed(value, step, source)
         mapped[target] = value
     return mapped
 
 
 def _transformed(value: Given, step: Transformation, name: str) -> Given:
-    """Return a number that a mapping changes; a whole one stays one, where it is whole."""
+    """Return a number that a mapping changes; a whole one stays one, where it is whole.
+
+    One with a unit is changed later, in the unit of the variable that it goes to.
+    """
     if value.kind not in ("Real", "Integer"):
         raise InputError(
             f'the mapping of "{shortened(name)}" has a LinearTransformation, but its value is a '
@@ -567,6 +630,8 @@ def _transformed(value: Given, step: Transformation, name: str) -> Given:
         step.factor * number_of(text, f'value of "{shortened(name)}"') + step.offset
         for text in value.texts
     ]
+    if value.unit:
+        return replace(value, change=Conversion(step.factor, step.offset))
     whole = value.kind == "Integer" and all(number.is_integer() for number in numbers)
     return replace(value, texts=tuple(str(int(n)) if whole else repr(n) for n in numbers))
 

@@ -186,8 +186,16 @@ def test_a_checkpoint_of_other_units_or_settings_is_refused(units, tmp_path, mon
     interrupted(read_system(path), folder, monkeypatch)
     kept = (folder / CHECKPOINT).read_bytes()
 
-    with pytest.raises(InputError, match=r"something else: settings of the system \(SHA-256"):
-        run_system(read_system(path, ["scheme.relative=1e-3"]), folder, resume=True)
+    for override, said in (
+        ("scheme.relative=1e-3", r"something else: scheme.relative \(\S+ then, 0.001 now\); go on"),
+        ("units.one.start.mass='3 kg'", r'units.one.start.mass \("2 kg" then, "3 kg" now\); go'),
+        (
+            'units.one.start.stiffness="1 N/m"',
+            r'start.stiffness \(absent then, "1 N/m" now\); go on',
+        ),
+    ):
+        with pytest.raises(InputError, match=said):
+            run_system(read_system(path, [override]), folder, resume=True)
     import zipfile
 
     with zipfile.ZipFile(mine / "Mass_2.fmu", "a") as archive:

@@ -262,6 +262,99 @@ def test_a_mapping_keeps_whole_numbers_and_tells_what_it_does_not_find(units, tm
                read_ssp(path, tmp_path / "un")._remarks)  # fmt: skip
 
 
+def of_two(connections, a, b, own="", bindings=""):
+    """A system with connectors of its own around a mass and its tail."""
+    return structure(
+        f'<ssd:System name="r"><ssd:Connectors>{own}</ssd:Connectors><ssd:ParameterBindings>'
+        f"{bindings}</ssd:ParameterBindings><ssd:Elements>{component('a', 'Mass_2', a)}"
+        f"{component('b', 'Tail_3', b)}</ssd:Elements><ssd:Connections>{connections}"
+        "</ssd:Connections></ssd:System>"
+    )
+
+
+def read_of(units, folder, text):
+    """Read a system; return it with its remarks but the one on the window."""
+    path = pack(units, folder / "t.ssp", text, "Mass_2", "Tail_3")
+    shutil.rmtree(folder / "in", ignore_errors=True)
+    system = read_ssp(path, folder / "in")
+    return system, [one for one in system.remarks if "communication step" not in one]
+
+
+@pytest.mark.parametrize(
+    "unit, step, expected",
+    [
+        ("km", "", 6001.0),  # 3 km are 3000 m, twice that and 1 m more
+        (None, "", 7.0),
+        ("km", 'suppressUnitConversion="true"', 7.0),
+        ("m", "", 7.0),
+    ],
+)
+def test_a_mapping_changes_a_value_in_the_unit_of_its_target(units, tmp_path, unit, step, expected):
+    text = mapped("3", step='factor="2" offset="1"').replace('target="mass"', 'target="position0"')
+    text = text.replace("<ssm:MappingEntry", f"<ssm:MappingEntry {step}")
+    text = text.replace('value="3"', f'value="3" unit="{unit}"' if unit else 'value="3"')
+    system, _ = read_of(units, tmp_path, text)
+    assert system.units[0].start == {"position0": {"value": expected}}
+
+
+def test_a_mapping_of_two_parameters_to_one_is_an_error(units, tmp_path):
+    entry = '<ssm:MappingEntry source="given" target="mass"/></ssm:ParameterMapping>'
+    with pytest.raises(InputError, match='more than one parameter to "mass"'):
+        read_of(units, tmp_path, mapped("3").replace("</ssm:ParameterMapping>", entry))
+
+
+POSITION, INPUT = real("position", "output", "m"), real("position1", "input", "mm")
+
+
+@pytest.mark.parametrize("a, b", [(POSITION, INPUT), ("", "")])
+def test_a_connection_may_start_at_the_end_that_takes_the_value(units, tmp_path, a, b):
+    """The standard leaves open which end is the start; the kinds of both say where it goes."""
+    found = []
+    for ends in (("a/position", "b/position1"), ("b/position1", "a/position")):
+        text = of_two(connection(*ends, LINEAR["more"]), a, b)
+        system, remarks = read_of(units, tmp_path, text)
+        found.append(system.connections)
+        assert remarks == []
+    assert found[0] == found[1]
+    assert found[0][0].link == "a.position -> b.position1" and found[0][0].factor == 2.0
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_value_of_a_system_is_in_the_unit_of_its_connector(units, tmp_path, turned):
+    ends = ("a/force", "load") if turned else ("load", "a/force")
+    text = of_two(
+        connection(*ends), real("force", "input", "N"), "", real("load", "input", "kN"),
+        values(("load", "Real", "0.002", None)),
+    )  # fmt: skip
+    system, remarks = read_of(units, tmp_path, text)
+    assert system.units[0].start == {"force": {"value": 2.0}} and remarks == []
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (of_two("", real("position", "input", "m"), ""),
+         ["a.position is of the kind input, but the variable of its unit is output"]),
+        (of_two("", real("position", "output", "mm"), ""),
+         ["a.position is in mm, but the variable of its unit is in m, which is taken"]),
+        (of_two(connection("a/position", "out"), POSITION, "", real("out", "output", "K")),
+         ["a.position to out does not fit: m \\(m\\) cannot be converted into K"]),
+        (of_two(connection("a/position", "out"), POSITION, "",
+                '<ssd:Connector name="out" kind="output"><ssc:Boolean/></ssd:Connector>'),
+         ["a.position to out does not fit: Real is no Boolean"]),
+        (of_two(connection("load", "b/position1"), "", INPUT, real("load", "output", "m")),
+         ["between load and b.position1 joins two connectors that take values"]),
+        (of_two(connection("a/position", "out"), POSITION, "", real("out", "output", "mm")), []),
+        (of_two("", real("position", "output", "meter"), real("position1", "unspecified")), []),
+    ],
+)  # fmt: skip
+def test_connectors_that_do_not_fit_are_told(units, tmp_path, text, words):
+    _, remarks = read_of(units, tmp_path, text)
+    assert len(remarks) == len(words), remarks
+    for remark, expected in zip(remarks, words):
+        assert re.search(expected, remark), remark
+
+
 TABLES = {
     "title": "All of it", "start_time": "500 ms", "stop_time": "2 s", "unit_tolerance": 1e-7,
     "window": {"size": "50 ms", "smallest": "5 ms"},
