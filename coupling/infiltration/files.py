@@ -122,7 +122,7 @@ def _filling_values(filled: FilledPart) -> Values:
     }
     if np.nanmax(filled.cure, initial=0.0) > 0.0:
         values["degree_of_cure"] = filled.cure
-    if np.isfinite(filled.temperature).any() and np.nanmax(filled.temperature) > 0.0:
+    if filled.setup.case.resin.temperature is not None:
         values["resin_temperature"] = filled.temperature
     if filled.setup.film is not None:
         values["resin_film"] = filled.film
