@@ -251,7 +251,7 @@ def _lifted(filled: FilledPart) -> Iterator[str]:
 def _returned_volume(history: FillingHistory, gate: int) -> float:
     """Volume of the resin that flowed back out through a gate [m³]."""
     entered = np.diff(history.injected[:, gate])
-    return float(-entered[entered < 0.0].sum())
+    return float(np.maximum(-entered, 0.0).sum())
 
 
 def _returned(filled: FilledPart, pores: float) -> Iterator[str]:
