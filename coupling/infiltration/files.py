@@ -122,7 +122,7 @@ def _filling_values(filled: FilledPart) -> Values:
     }
     if np.nanmax(filled.cure, initial=0.0) > 0.0:
         values["degree_of_cure"] = filled.cure
-    if np.isfinite(filled.temperature).any() and np.nanmax(filled.temperature) > 0.0:
+    if filled.setup.case.resin.temperature is not None:
         values["resin_temperature"] = filled.temperature
     if filled.setup.film is not None:
         values["resin_film"] = filled.film
@@ -152,14 +152,19 @@ def filling_groups(filled: FilledPart, attributes: Mapping[str, Any]) -> dict[st
             located = mesh.on_cells if field.location == "face" else mesh.on_nodes
             dataset[variable] = located(np.ascontiguousarray(component), about)
     for kind, openings in (("gate", filled.setup.gates), ("vent", filled.setup.vents)):
+        taken: set[str] = set()
         for opening in openings:
+            variable = f"{kind}_{opening.name.replace('-', '_')}"
+            while variable in taken:  # a-b after a_b
+                variable += "_"
+            taken.add(variable)
             marks = np.zeros(len(part.target.points), dtype=np.int8)
             marks[opening.nodes] = 1
             about = {
                 "long_name": f"{kind} {opening.name}", "units": "1", "set_name": opening.name,
                 "flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "outside member",
             }  # fmt: skip
-            dataset[f"{kind}_{opening.name.replace('-', '_')}"] = mesh.on_nodes(marks, about)
+            dataset[variable] = mesh.on_nodes(marks, about)
     now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     history = f"{now} filled by lcmchain {__version__}\n{part.dataset.attrs.get('history', '')}"
     dataset.attrs |= {

@@ -245,7 +245,7 @@ def _mapped_part(dataset: xr.Dataset, file: str) -> FormedPart:
     }
     target = TargetMesh(
         points,
-        blocks_of(corners),
+        blocks_of(triangles_of_three(corners)),
         {},
         file=Path(file),
         cell_ids=ids.get("cell_id", np.empty(0, dtype=np.int64)),
@@ -267,6 +267,22 @@ def blocks_of(corners: np.ndarray) -> tuple[tuple[str, np.ndarray], ...]:
         blocks.append((name, corners[first:last, :sides]))
         first = last
     return tuple(blocks)
+
+
+def triangles_of_three(corners: np.ndarray) -> np.ndarray:
+    """Return cells (C, 4) in which a quadrilateral that names a corner twice is a triangle.
+
+    Decks write triangles so. Only corners that follow each other may be the same.
+    """
+    following = np.roll(corners, -1, axis=1)
+    same = (corners == following) & (corners >= 0)
+    cells = np.flatnonzero(same.sum(axis=1) == 1)
+    second = np.minimum(np.argmax(same[cells], axis=1) + 1, 3)  # the last may be the first again
+    kept = np.sort((second[:, None] + np.arange(1, 4)) % 4, axis=1)
+    found = corners.copy()
+    found[cells, :3] = np.take_along_axis(corners[cells], kept, axis=1)
+    found[cells, 3] = -1
+    return found
 
 
 def _sets(dataset: xr.Dataset, kind: str) -> dict[str, np.ndarray]:
@@ -372,6 +388,8 @@ def unformed_part(path: Path | str, preform: Preform, *, length_unit: str = "m")
             key="preform",
         )
     target = read_target(path, kind="infiltration", length_unit=length_unit).by_corners()
+    if not target.is_solid:
+        target = replace(target, blocks=blocks_of(triangles_of_three(target.corners)))
     if preform.sets_hold == "cells":
         nodes = {n: rows for n, rows in target.node_sets.items() if n not in target.cell_sets}
         notes = tuple(note for note in target.notes if AMBIGUOUS_SETS not in note)

@@ -12,7 +12,7 @@ import numpy as np
 
 from lcmchain.atomic import replacing
 from lcmchain.coupling.infiltration.flow.time_step import share_in_words
-from lcmchain.coupling.infiltration.results import FilledPart
+from lcmchain.coupling.infiltration.results import FilledPart, FillingHistory
 from lcmchain.mesh.places import place_text
 from lcmchain.report.chapters import filling_in_words, time_in_words
 
@@ -109,6 +109,7 @@ def filling_report(name: str, filled: FilledPart) -> FillingReport:
                 "injected_volume": float(history.injected[-1, number]),
                 "pressure_max": _largest(history.gate_pressure[:, number]),
                 "flow_rate_max": _largest(history.gate_rate[:, number]),
+                "returned_volume": _returned_volume(history, number),
             }
             for number, gate in enumerate(setup.gates)
         },
@@ -209,7 +210,9 @@ def _warnings(filled: FilledPart, pores: float) -> Iterator[str]:
             at = points[dry][np.argmin(np.linalg.norm(points[dry] - middle, axis=1))]
             where = f"; the dry part is around {place_text(at)}"
         share = share_in_words(filled.history.filled_share[-1])
-        yield f"{share}: {filled.message or filled.outcome}{where}"
+        ended = filled.message or filled.outcome
+        yield f"{ended if share in ended else f'{share}: {ended}'}{where}"
+    yield from _returned(filled, pores)
     yield from _gelled(filled)
     yield from _lifted(filled)
     spots = [
@@ -242,6 +245,31 @@ def _lifted(filled: FilledPart) -> Iterator[str]:
             f"{time_in_words(filled.history.time[lowest])}: the part grows up to "
             f"{1e3 * filled.thickness.max():.3g} mm thick, held by fibres in tension across it, "
             f"which no textile bears; use less pressure in the gates, or more {key}"
+        )
+
+
+def _returned_volume(history: FillingHistory, gate: int) -> float:
+    """Volume of the resin that flowed back out through a gate [m³]."""
+    entered = np.diff(history.injected[:, gate])
+    return float(np.maximum(-entered, 0.0).sum())
+
+
+def _returned(filled: FilledPart, pores: float) -> Iterator[str]:
+    """Yield a warning for each gate of a pressure that takes back a notable volume of resin."""
+    history = filled.history
+    for number, gate in enumerate(filled.setup.gates):
+        volume = _returned_volume(history, number)
+        if volume <= NOTABLE * pores:
+            continue
+        entered = np.diff(history.injected[:, number])
+        back = history.time[1:][entered < 0.0]
+        when = time_in_words(back[0])
+        if len(back) > 1:
+            when = f"between {when} and {time_in_words(back[-1])}"
+        yield (
+            f'the gate "{gate.name}" takes {1e6 * volume:.3g} ml of resin back ({when}): its '
+            "pressure is below that of the resin around it; let it close before, or give it more "
+            "pressure"
         )
 
 

@@ -11,7 +11,13 @@ import numpy as np
 
 from lcmchain.coupling.infiltration.cell_permeability import factor_of, require_permeable
 from lcmchain.coupling.infiltration.filling import Filling, FillingOptions
-from lcmchain.coupling.infiltration.flow.boundaries import Gate, Schedule, TimeTable, Vent
+from lcmchain.coupling.infiltration.flow.boundaries import (
+    Gate,
+    Schedule,
+    TimeTable,
+    Vent,
+    largest_until,
+)
 from lcmchain.coupling.infiltration.flow.film import Film
 from lcmchain.coupling.infiltration.flow.flow_medium import FlowMedium, Links, lead_length
 from lcmchain.coupling.infiltration.flow.network import RaceTrack
@@ -432,6 +438,17 @@ def _never_open(setup: FillingSetup) -> Iterator[str]:
                     f'the {kind} "{entry.name}" opens at {entry.opens:g} s, but the filling ends '
                     f"at {end:g} s: it never does; give a longer time, or open it earlier"
                 )
+    for gate, entry in zip(setup.gates, setup.case.gates, strict=True):
+        drive, name, least = gate.flow_rate, "flow rate", 0.0
+        if drive is None:
+            drive, name, least = gate.pressure, "pressure", setup.case.least_pressure
+        if drive is None or entry.stages is not None or entry.opens >= end:
+            continue
+        if largest_until(drive, end) <= least:
+            yield (
+                f'the {name} of the gate "{gate.name}" rises after {end:g} s only, the end of the '
+                "filling: no resin enters there; give a longer time, or earlier times"
+            )
 
 
 def _region_doubts(setup: FillingSetup, places: Places) -> Iterator[str]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from pydantic import BaseModel
 
 from lcmchain.compilation.cache import source_hash
 from lcmchain.coupling.infiltration.files import (
@@ -30,7 +31,9 @@ from lcmchain.coupling.infiltration.picture import (
 from lcmchain.coupling.infiltration.report import FillingReport, filling_report
 from lcmchain.coupling.infiltration.results import FilledPart, FillingRecord
 from lcmchain.coupling.infiltration.setup import FillingSetup, set_up
+from lcmchain.coupling.measured_permeability import MeasuredPermeability
 from lcmchain.coupling.mould import Mould
+from lcmchain.coupling.solids.stack_compaction import compaction_tables
 from lcmchain.errors import InputError, SimulationInterrupted
 from lcmchain.fields.netcdf_file import write_netcdf
 from lcmchain.forming_run import stop_requests
@@ -52,6 +55,8 @@ FILES = {
 }  # fmt: skip
 #: Text that a mapping adds to the title of a result.
 _OF_MAPPING = ": forming fields on the"
+#: Fibre volume fractions at which a measured permeability is compared with another.
+SAMPLES = 257
 PICTURES = ("fill_time", "pressure", "curves", "medium_time")
 
 
@@ -116,9 +121,15 @@ def fill_part(
     start = time.perf_counter()
     filled = FillingRun(setup, checkpoint, fingerprint, tell).complete(resume=resume)
     wall_s = time.perf_counter() - start
-    report = write_filled(
-        filled, name=name, out_dir=out_dir, options=options, tell=tell, wall_s=wall_s
-    )
+    try:
+        report = write_filled(
+            filled, name=name, out_dir=out_dir, options=options, tell=tell, wall_s=wall_s
+        )
+    except KeyboardInterrupt:
+        raise SimulationInterrupted(
+            "stopped while the results of the filling were written; the same command with "
+            "--resume writes them"
+        ) from None
     checkpoint.unlink(missing_ok=True)
     return report
 
@@ -157,21 +168,51 @@ def checkpoint_file(out_dir: Path | str, name: str) -> Path:
 
 def fingerprint_of(setup: FillingSetup) -> dict[str, str]:
     """Return hashes of all that the result of a filling depends on, by name."""
-    digest = hashlib.sha256()
-    mesh, preform = setup.mesh, setup.preform
-    for array in (mesh.points, mesh.cells, preform.thickness, preform.porosity,
-                  preform.permeability):  # fmt: skip
-        digest.update(np.ascontiguousarray(array).tobytes())
-    if setup.flow_medium is not None and preform.through_permeability is not None:
-        digest.update(preform.through_permeability.tobytes())
-    for nodes in [place.nodes for place in setup.gates] + [place.nodes for place in setup.vents]:
-        digest.update(nodes.tobytes())
-    case = setup.case.model_dump_json(exclude={"animation"})
-    return {
-        "part": digest.hexdigest(),
-        "case": hashlib.sha256(case.encode()).hexdigest(),
+    mesh, preform, part = setup.mesh, setup.preform, setup.part
+    through = preform.through_permeability if setup.flow_medium is not None else None
+    arrays = (mesh.points, mesh.cells, preform.thickness, preform.porosity, preform.permeability)
+    nodes = [gate.nodes for gate in setup.gates] + [vent.nodes for vent in setup.vents]
+    hashes = {
+        "part": _hash_of(*arrays, *(() if through is None else (through,)), *nodes),
+        "case": _hash_of(setup.case.model_dump_json(exclude={"animation"})),
+        "set of places": _hash_of(
+            setup.gates, setup.vents, setup.race_tracks, setup.wetted, setup.film, setup.flow_medium
+        ),
         "version of lcmchain": source_hash(),
     }
+    law = getattr(preform.factor, "law", None)
+    if law is not None:
+        hashes["permeability law"] = _hash_of(law)
+    if setup.case.closure is not None:
+        hashes["compaction law"] = _hash_of(*compaction_tables(part))
+    return hashes
+
+
+def _hash_of(*content: object) -> str:
+    digest = hashlib.sha256()
+    for piece in _pieces(content):
+        digest.update(piece)
+    return digest.hexdigest()
+
+
+def _pieces(content: object) -> Iterator[bytes]:
+    """Yield the bytes of arrays, texts, numbers, tables and records of them."""
+    if isinstance(content, np.ndarray):
+        yield np.ascontiguousarray(content).tobytes()
+    elif isinstance(content, BaseModel):
+        yield content.model_dump_json().encode()
+    elif isinstance(content, MeasuredPermeability):
+        # its values over the fibre volume fraction, which may come from a file
+        yield f"{content.law} {content.limits} {content.angle}".encode()
+        yield content.values(np.linspace(*content.limits, SAMPLES), out_of_range="nan").tobytes()
+    elif is_dataclass(content):
+        for field in fields(content):
+            yield from _pieces(getattr(content, field.name))
+    elif isinstance(content, tuple):
+        for entry in content:
+            yield from _pieces(entry)
+    else:
+        yield str(content).encode()
 
 
 def _fits(checkpoint: Path, fingerprint: dict[str, str]) -> bool:
@@ -351,6 +392,7 @@ class FillingRun:
         self._saved = time.perf_counter()
         with stop_requests() as self._stop:
             outcome, message = self._advance()
+        self._save()  # nothing is lost where the results cannot be written
         return self.found(outcome, message)
 
     def begin(self) -> None:

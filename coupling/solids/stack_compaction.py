@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -292,6 +293,33 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
     ------
     InputError : the file does not hold its scene, or has a ply that its scene does not have.
     """
+    text = _scene_of(part)
+    fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
+    if part.ply_names:
+        return _of_stack(part, text, thickness)
+    material = at_rest(formed_material(text))
+    return of_cells(material, material.fibre_density * fraction * thickness)
+
+
+def compaction_tables(part: FormedPart) -> tuple[Any, ...]:
+    """Return the tables of the materials and the arrays on which :func:`compaction_of` depends.
+
+    Raises
+    ------
+    InputError : as of :func:`compaction_of`.
+    """
+    text = _scene_of(part)
+    arrays = [part.cell("fibre_volume_fraction"), part.cell("thickness")]
+    if not part.ply_names:
+        return (formed_material(text), *arrays)
+    for name in part.ply_names:
+        fields = (f"{SHARE}{name}", f"{name}_thickness", f"{name}_fibre_volume_fraction")
+        arrays += [part.cell(field) for field in fields]
+    return (*formed_plies(text).values(), *arrays)
+
+
+def _scene_of(part: FormedPart) -> str:
+    """Return the text of the scene that formed a part."""
     text = part.dataset.attrs.get("scene")
     if not text:
         raise InputError(
@@ -299,11 +327,7 @@ def compaction_of(part: FormedPart) -> CellCompaction | StackCompaction:
             "from a forming result of lcmchain run, or a file mapped from one",
             file=part.file,
         )
-    fraction, thickness = part.cell("fibre_volume_fraction"), part.cell("thickness")
-    if part.ply_names:
-        return _of_stack(part, str(text), thickness)
-    material = at_rest(formed_material(str(text)))
-    return of_cells(material, material.fibre_density * fraction * thickness)
+    return str(text)
 
 
 def at_rest(table: MaterialTable) -> Material:

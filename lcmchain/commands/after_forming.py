@@ -282,6 +282,7 @@ def fill(
     maximum_distance: MaximumDistance = None,
     length_unit: LengthUnit = "m",
     frame: SavedFrame = -1,
+    time: SavedTime = None,
     register: Register = False,
     allow_incomplete: AllowIncomplete = False,
     resume: Annotated[
@@ -298,6 +299,11 @@ def fill(
     if not source.is_file() and not is_pipe(source):
         raise InputError("there is no such file", file=source)
     options = _options(frame, allow_incomplete, resume)
+    at = None if time is None else time_of("--time", time)
+    if at is not None and frame != -1:
+        raise InputError(
+            f"names a saved state, and --frame {frame} another; leave one out", key="--time"
+        )
     if source.suffix == SCENE_SUFFIX or is_pipe(source):
         for option, value in (("--case", case), ("--mesh", mesh)):
             if value is not None:
@@ -306,11 +312,11 @@ def fill(
                     "the scene",
                     key=option,
                 )
-        reports = _fill_scene(source, out, overrides or (), options, quiet)
+        reports = _fill_scene(source, out, overrides or (), options, quiet, at=at)
     else:
         mapping = _mapping(maximum_distance, length_unit, register)
         reports = _fill_file(
-            source, case, mesh, out, name, overrides or (), mapping, options, quiet
+            source, case, mesh, out, name, overrides or (), mapping, options, quiet, at=at
         )
     warnings = [
         warning
@@ -326,6 +332,22 @@ def _options(frame: int, allow_incomplete: bool, resume: bool) -> FillOptions:
     from lcmchain.coupling.infiltration.stage import FillOptions
 
     return FillOptions(frame=frame, allow_incomplete=allow_incomplete, resume=resume)
+
+
+def _at_time(options: FillOptions, source: Path, time: float | None) -> FillOptions:
+    """Return the options with the saved state of a forming result that is nearest to a time [s]."""
+    if time is None:
+        return options
+    from lcmchain.mapping.sheet import frame_at
+    from lcmchain.mapping.structure.stage import is_mapped, open_mapped
+
+    if is_mapped(open_mapped(source)):
+        raise InputError(
+            f"names a saved state, but {source.name} holds one; choose the time when it is mapped, "
+            "or start from the forming result",
+            key="--time",
+        )
+    return replace(options, frame=frame_at(source, time))
 
 
 def _mapping(maximum_distance: str | None, length_unit: str, register: bool) -> MappingOptions:
@@ -348,6 +370,8 @@ def _fill_file(
     mapping: MappingOptions,
     options: FillOptions,
     quiet: bool,
+    *,
+    at: float | None = None,
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill a forming result or a mapped file with the case of a file."""
     from lcmchain.scene import read_infiltration
@@ -364,6 +388,12 @@ def _fill_file(
     _require_file_name(name)
     the_case = read_infiltration(case, overrides)
     options = replace(options, directory=directory_of(case))
+    if the_case.preform is not None and (at is not None or options.frame != -1):
+        raise InputError(
+            "chooses a saved state of forming, and a mesh with a preform has none; leave it out",
+            key="--frame" if at is None else "--time",
+        )
+    options = _at_time(options, source, at)
     with output_folder(out or Path("results") / name, inputs=[source, case, mesh]) as folder:
         from lcmchain.coupling.infiltration.stage import map_and_fill
 
@@ -377,7 +407,13 @@ def _fill_file(
 
 
 def _fill_scene(
-    path: Path, out: Path | None, overrides: Sequence[str], options: FillOptions, quiet: bool
+    path: Path,
+    out: Path | None,
+    overrides: Sequence[str],
+    options: FillOptions,
+    quiet: bool,
+    *,
+    at: float | None = None,
 ) -> Sequence[tuple[MappingReport | None, FillingReport]]:
     """Fill as a scene says, from its forming results in the folder."""
     from lcmchain.scene import read_scene
@@ -398,11 +434,22 @@ def _fill_scene(
             + (f" --out {out}" if out else ""),
             file=forming,
         )
+    options = _at_time(options, forming, at)
     reports = []
     with output_folder(folder, inputs=[path]):
-        from lcmchain.coupling.infiltration.stage import is_mapped_from, map_and_fill
+        from lcmchain.coupling.infiltration.stage import (
+            checkpoint_file,
+            is_mapped_from,
+            map_and_fill,
+        )
         from lcmchain.mapping import MappingOptions
 
+        # a filling that was done before the interruption has no checkpoint: it is done again
+        stopped = {n for n in scene.infiltrations if checkpoint_file(folder, n).is_file()}
+        if options.resume and not stopped:
+            raise InputError(
+                "there is no checkpoint to go on from; fill without --resume", file=folder
+            )
         for name, (case, target) in scene.infiltrations.items():
             source, mesh, mapping = forming, None, None
             if target is not None:
@@ -415,7 +462,8 @@ def _fill_scene(
                 reports.append(
                     map_and_fill(
                         source, mesh, case, name=name, out_dir=folder, mapping=mapping,
-                        options=options, tell=lambda share, text: progress(share, 1.0, text),
+                        options=replace(options, resume=options.resume and name in stopped),
+                        tell=lambda share, text: progress(share, 1.0, text),
                     )
                 )  # fmt: skip
             _say(reports[-1], folder, quiet)

@@ -156,10 +156,12 @@ def filling_rows(report: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     yield "mesh", f"{report['cell_count']:,} cells, {report['node_count']:,} nodes"
     yield "pore volume", f"{1e6 * report['pore_volume']:.4g} ml"
     for name, gate in report["gates"].items():
+        back = gate.get("returned_volume", 0.0)
         yield (
             f"gate {name}",
             f"{1e6 * gate['injected_volume']:.4g} ml, up to {1e-5 * gate['pressure_max']:.4g} bar "
-            f"and {1e6 * gate['flow_rate_max']:.4g} ml/s",
+            f"and {1e6 * gate['flow_rate_max']:.4g} ml/s"
+            + (f"; {1e6 * back:.4g} ml flowed back" if back > 1e-6 * report["pore_volume"] else ""),
         )
     for name, vent in report["vents"].items():
         yield f"vent {name}", f"{1e6 * vent['vented_volume']:.4g} ml of resin left"

@@ -19,7 +19,7 @@ from lcmchain.effects.contact import Contact
 from lcmchain.effects.effect import Refusal
 from lcmchain.effects.face_pressure import PressureOnFace
 from lcmchain.effects.grippers import Gripper
-from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of
+from lcmchain.effects.switches import EffectSettings, Switched, changes, settings_of, switches
 from lcmchain.elements.families import SheetElement
 from lcmchain.elements.solid_shell.table import Element
 from lcmchain.errors import InputError
@@ -513,13 +513,19 @@ class Scene(SceneModel):
     @model_validator(mode="after")
     def _switch_effects(self) -> Self:
         """Take effects out of the scene, or into it, before anything reads what it calls for."""
-        switched = []
+        switched: list[Switched] = []
         before: dict[str, Any] = {}
-        for key, setting in settings_of(self).items():
+        settings = settings_of(self)
+        is_called = {key: switches()[key].called(self) for key in settings}
+        for key, setting in settings.items():
             try:
                 changed = changes(self, key, setting)
             except Refusal as refusal:
-                raise wrong(f'is "{setting}", but {refusal}', field=f"effects.{key}") from None
+                reason = str(refusal)
+                if setting == "on" and is_called[key]:  # it was there until another went
+                    off = " and ".join(f'effects.{one.key} = "off"' for one in switched)
+                    reason = f"{off} takes out what it needs; leave one of them out"
+                raise wrong(f'is "{setting}", but {reason}', field=f"effects.{key}") from None
             if changed is not None:
                 before = {name: self.__dict__[name] for name in changed} | before
                 self.__dict__.update(changed)  # the scene is frozen for everybody else

@@ -211,6 +211,11 @@ class Choice:
                 f"the requirement, {self.requirement}, is not met: {settings} made checks of the "
                 f"run worse ({', '.join(self.worse)}); see the warnings and the report"
             )
+        if not any(math.isfinite(error) for error in self.found.values()):
+            return (
+                f"whether the requirement, {self.requirement}, is met is not known: no error could "
+                "be estimated; allow more time for finer meshes, or look at lcmchain study accuracy"
+            )
         return (
             f"the requirement, {self.requirement}, is not met by the errors that are estimated; "
             "ask for less, allow more time, or look at lcmchain study accuracy"

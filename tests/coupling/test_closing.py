@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,7 +13,13 @@ from lcmchain.coupling.infiltration.flow.time_step import TimeStep
 from lcmchain.coupling.infiltration.formed_part import read_formed_part
 from lcmchain.coupling.infiltration.report import filling_report
 from lcmchain.coupling.infiltration.setup import set_up
-from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file, fill, fill_part
+from lcmchain.coupling.infiltration.stage import (
+    FillOptions,
+    checkpoint_file,
+    fill,
+    fill_part,
+    fingerprint_of,
+)
 from lcmchain.coupling.mould import Mould
 from lcmchain.coupling.solids.closures import Bag
 from lcmchain.coupling.solids.stack_compaction import compaction_of, of_cells
@@ -382,6 +390,37 @@ def test_going_on_from_a_checkpoint_is_bit_identical(source, tmp_path):
         np.testing.assert_array_equal(history["press_force"].values, whole.history.force[:, 0])
     with xr.open_dataset(tmp_path / "a_filling.nc", group="/coupling") as coupling:
         assert coupling.sizes["window"] >= report.closing["window_count"]
+
+
+def test_a_checkpoint_belongs_to_laws_and_places_as_well(source, tmp_path):
+    """All that a filling depends on beside mesh, pores and case is in its fingerprint."""
+    closing = '[closure]\ntype = "bag"\npressure = "1 bar"'
+    table = tmp_path / "law.csv"
+    rows = "fibre volume fraction [%],k1 [m^2],k2 [m^2],k3 [m^2]\n30,3e-10,3e-10,3e-11\n"
+    law = '[permeability]\nlaw = "table"\nfile = "law.csv"'
+    wet = '[[wetted]]\nname = "some"\nset = "WET"\n'
+    the_case, part = case(HEAD, LEFT, RIGHT, wet, closing, law), read_formed_part(source)
+    part = replace(part, target=replace(part.target, node_sets={"WET": np.arange(5)}))
+
+    def hashes(part, last_row="60,1e-11,1e-11,1e-12"):
+        table.write_text(rows + last_row)
+        return fingerprint_of(set_up(part, the_case, tmp_path))
+
+    def differing(*arguments):
+        other = hashes(*arguments)
+        assert list(other) == list(before)
+        return [name for name in before if other[name] != before[name]]
+
+    before = hashes(part)
+    assert differing(part) == []
+    stiffer = SCENE + '# --set material.compaction.c0="0.2 MPa"\n'
+    attributes = part.dataset.attrs | {"scene": stiffer}
+    assert differing(replace(part, dataset=part.dataset.assign_attrs(attributes))) == [
+        "compaction law"
+    ]
+    moved = replace(part, target=replace(part.target, node_sets={"WET": np.arange(6)}))
+    assert differing(moved) == ["set of places"]
+    assert "permeability law" in differing(part, "60,2e-11,2e-11,2e-12")
 
 
 def test_what_cannot_be_pressed_is_said(source):

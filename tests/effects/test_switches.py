@@ -83,6 +83,14 @@ def test_every_effect_has_an_entry_but_those_without_one_in_a_scene():
     assert set(type(scene(BARE).effects).model_fields) == set(switches())
 
 
+def test_an_effect_that_needs_one_that_is_off_names_that_one():
+    """Not the entries that the scene has, which would be no cure."""
+    with pytest.raises(InputError) as caught:
+        scene(FULL, "effects.contact=off", "effects.friction=on")
+    assert 'effects.friction: is "on", but effects.contact = "off"' in str(caught.value)
+    assert "coefficient" not in str(caught.value)
+
+
 @pytest.mark.parametrize("key", OFF)
 def test_off_takes_an_effect_out_and_says_so(key):
     plain, without = scene(FULL), scene(FULL, f"effects.{key}=off")

@@ -267,6 +267,10 @@ def test_a_budget_is_kept_and_what_it_leaves_of_the_requirement_is_told(dent, tm
     assert "what the time allows" in choice.why
     assert any("less than the requirement needs" in note for note in choice.notes)
     assert "is not met" in choice.missed()
+    # where no two meshes can be compared nothing is known of the errors
+    unknown = replace(choice, found=dict.fromkeys(choice.found, math.nan))
+    assert "is met is not known: no error could be estimated" in unknown.missed()
+    assert "is not met by" not in unknown.missed()
 
 
 def test_a_requirement_that_no_pilot_tells_of_takes_no_coarser_mesh_than_the_scene(dent, tmp_path):

@@ -57,6 +57,13 @@ def value_at(quantity: float | TimeTable, time: float) -> float:
     return quantity.at(time) if isinstance(quantity, TimeTable) else float(quantity)
 
 
+def largest_until(quantity: float | TimeTable, end: float) -> float:
+    """Return the largest value of a constant or of a table between the start and a time [s]."""
+    if not isinstance(quantity, TimeTable):
+        return float(quantity)
+    return float(max([quantity.at(end), quantity.at(0.0), *quantity.values[quantity.times < end]]))
+
+
 @dataclass(frozen=True)
 class Schedule:
     """When a gate or vent is open.

@@ -13,7 +13,8 @@ import xarray as xr
 
 from lcmchain import cli
 from lcmchain.check import check_scene
-from lcmchain.coupling.infiltration.stage import checkpoint_file
+from lcmchain.commands.after_forming import _fill_scene
+from lcmchain.coupling.infiltration.stage import FillOptions, checkpoint_file
 from lcmchain.errors import InputError, MappingError, SimulationInterrupted
 from lcmchain.pipeline import run
 from lcmchain.scene import read_scene
@@ -147,6 +148,7 @@ def test_a_run_that_is_stopped_while_it_fills_goes_on_there(result, folder, tmp_
         run(scene, tmp_path, progress=press_once("part: filling", 0.5))
     assert caught.value.result is not None and "are complete" in caught.value.where
     assert checkpoint_file(tmp_path, "part").is_file()
+    stopped = shutil.copytree(tmp_path, tmp_path / "stopped")
     told = []
     run(scene, tmp_path, resume=True, progress=lambda c, t, text: told.append((c, text)))
     first = next(share for share, text in told if text.startswith("part: filling,"))
@@ -158,6 +160,19 @@ def test_a_run_that_is_stopped_while_it_fills_goes_on_there(result, folder, tmp_
         ):
             np.testing.assert_array_equal(one["fill_time"].values, other["fill_time"].values)
             np.testing.assert_array_equal(one["resin_pressure"], other["resin_pressure"])
+    # so does the filling of the scene, whose other part is done and has no checkpoint
+    options = FillOptions(picture=False, vtu=False, resume=True)
+    (_, sheet), (_, part) = _fill_scene(folder / "scene.toml", stopped, (), options, True)
+    assert (
+        sheet.outcome == part.outcome == "filled" and not checkpoint_file(stopped, "part").exists()
+    )
+    with pytest.raises(InputError, match="no checkpoint to go on from"):
+        _fill_scene(folder / "scene.toml", stopped, (), options, True)
+    # of an earlier state, by its time
+    early = FillOptions(picture=False, vtu=False)
+    _fill_scene(folder / "scene.toml", stopped, (), early, True, at=0.0)
+    with xr.open_dataset(stopped / "sheet_filling.nc") as found:
+        assert found.attrs["forming_time_s"] == 0.0
 
 
 def test_a_place_beside_the_mesh_is_told_before_forming(folder, tmp_path):
@@ -194,6 +209,12 @@ def test_the_command_fills_a_file(kit, tmp_path, capsys):
     with xr.open_dataset(tmp_path / "out" / "strip_filling.nc") as found:
         assert found.sizes["time"] <= 3
     assert command(*arguments, "--strict", "-q") == 1
+    mesh = tmp_path / "preform.toml"
+    preform = (
+        '[preform]\nthickness = "1 mm"\nfibre_volume_fraction = 0.5\n'
+        'permeability = { k1 = "1e-10 m^2" }\n'
+    )
+    mesh.write_text(HEAD + GATE + VENT + preform)
     for wrong, message in (
         (["fill", source], "--case: is missing"),
         (["fill", source + "x", "--case", str(case)], "there is no such file"),
@@ -201,6 +222,9 @@ def test_the_command_fills_a_file(kit, tmp_path, capsys):
         ([*arguments, "--resume"], "no checkpoint to go on from"),
         ([*arguments, "--set", "gates.left.pressure=-1 bar"], "not above that of the vents"),
         ([*arguments, "--name", "a/b"], "is no name for files"),
+        ([*arguments, "--time", "1 ms", "--frame", "0"], "--time: names a saved state, and"),
+        ([*arguments, "--time", "1 ms"], "has no saved states with times"),
+        (["fill", source, "--case", str(mesh), "--frame", "0"], "--frame: chooses a saved state"),
     ):
         assert command(*wrong) == 2
         assert message in capsys.readouterr().err

@@ -23,6 +23,10 @@ DOUBTS = {
     "a gate that opens too late": (
         (GATE + 'opens = "500 s"\n', VENT), 'the gate "left" opens at 500 s',
     ),
+    "a gate whose pressure rises too late": (
+        (GATE.replace('"1 bar"', '"0 1 bar"\ntimes = "500 600 s"'), VENT),
+        'the pressure of the gate "left" rises after 500 s only',
+    ),
     "regions that overlap": (
         (GATE, VENT, REGION.format("a", -1, 151, 'thickness = "1 mm"'),
          REGION.format("b", 99, 301, "permeability_factor = 2.0")),

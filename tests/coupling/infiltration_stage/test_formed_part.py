@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from lcmchain.coupling.infiltration.cell_permeability import require_permeable
+from lcmchain.coupling.infiltration.flow.preform import FlowMesh
 from lcmchain.coupling.infiltration.formed_part import (
     read_formed_part,
+    triangles_of_three,
+    unformed_part,
     with_permeability,
 )
 from lcmchain.errors import InputError
 from lcmchain.mapping import map_file
+from lcmchain.scene.infiltration import OwnPermeability, Preform
 from lcmchain.scene.infiltration.laws import GebartPermeability
 
 from .conftest import PERMEABILITY, strip, write_forming
@@ -55,6 +59,27 @@ def test_sets_and_parts_of_a_mapped_file(kit, tmp_path):
     assert part.target.node_sets["GATE left"].tolist() == [0, 1, 2]
     assert part.target.cell_sets["core"].tolist() == [3, 4, 5]
     assert [len(rows) for rows in part.target.parts.values()] == [6, 6]
+
+
+def test_quadrilaterals_that_name_a_node_twice_are_triangles(kit, tmp_path):
+    """As decks write triangles; in a mesh that was not formed, and in a mapped file."""
+    corners = np.array([[0, 1, 4, 3], [1, 2, 2, 4], [2, 5, 4, 2], [7, 7, 8, 9], [6, 7, 8, -1]])
+    expected = [[0, 1, 4, 3], [1, 2, 4, -1], [2, 5, 4, -1], [7, 8, 9, -1], [6, 7, 8, -1]]
+    assert triangles_of_three(corners).tolist() == expected
+    points, quads = strip(4, 2)
+    nodes = [f"{n + 1}, {x:.6f}, {y:.6f}, {z:.6f}" for n, (x, y, z) in enumerate(points)]
+    cells = [*quads[1:].tolist(), [*quads[0, :3], quads[0, 2]], [*quads[0, [0, 2, 3]], quads[0, 0]]]
+    shells = [f"{c + 1}, " + ", ".join(str(n + 1) for n in cell) for c, cell in enumerate(cells)]
+    mesh = tmp_path / "part.inp"
+    mesh.write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=S4, ELSET=ALL", *shells]) + "\n")
+    map_file(kit.forming(), mesh, tmp_path / "part.nc", kind="infiltration", picture=False)
+    own = OwnPermeability(k1=1e-10)
+    preform = Preform(thickness=2e-3, fibre_volume_fraction=0.5, permeability=own)
+    for part in (read_formed_part(tmp_path / "part.nc"), unformed_part(mesh, preform)):
+        flow = FlowMesh.from_target(part.target)
+        assert (flow.is_quadrilateral.sum(), flow.cell_count) == (7, 9)
+        assert flow.areas.sum() == pytest.approx(0.3 * 0.06)
+        assert np.all(flow.normals[:, 2] > 0.99) or np.all(flow.normals[:, 2] < -0.99)
 
 
 def test_a_law_gives_what_the_forming_result_lacks(kit):
