@@ -111,15 +111,14 @@ class Iteration:
     def _is_hopeless(self, judgements: list[Judgement], first: list[Judgement]) -> bool:
         """Tell whether a judged field grows beyond all bounds.
 
-        A field that need not converge tells nothing: from rounding it may grow to its size in one
-        iteration, as a pressure does when a gate opens.
+        A field that need not converge has an infinite limit and tells nothing: from rounding it may
+        grow to its size in one iteration, as a pressure does when a gate opens.
 
         first : judgements of the first iteration.
         """
         return any(
             now.residual > HOPELESS * max(then.residual, then.limit, scale) > 0.0
             for now, then, scale in zip(judgements, first, self._scales)
-            if math.isfinite(now.limit)
         )
 
     def undo(self, window: Window) -> None:

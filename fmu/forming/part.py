@@ -59,12 +59,7 @@ from lcmchain.model import build_model
 from lcmchain.provenance import run_fingerprint
 from lcmchain.results import COMPLETE, stopped
 from lcmchain.scene import Scene, read_scene
-from lcmchain.solver.histories import (
-    grip_forces,
-    grippers_at_work,
-    let_go_times,
-    of_grips,
-)
+from lcmchain.solver.histories import grip_forces, grippers_at_work, let_go_times, of_grips
 from lcmchain.solver.simulation import Simulation, Snapshot, StepControl
 from lcmchain.state import STOPPED_TIME, State
 from lcmchain.tools.motion import PRESCRIBED, prescribed_travel
