@@ -283,13 +283,14 @@ def sheets_datasets(
     if len(sheets) == 1:
         groups = _one_sheet(scene, next(iter(sheets.values())), frames)
     else:
-        there = plies_there(scene, frames.time)
-        columns = _columns(sheets, there)
+        each = [sheet.fields() for sheet in sheets.values()]
+        columns = _columns(sheets, each, plies_there(scene, frames.time))
         sheets = {
             name: sheet.between(of_ply)
             for (name, sheet), of_ply in zip(sheets.items(), columns, strict=True)
         }
-        groups = {SHEET: _all_sheets(scene, sheets, frames, columns)}
+        each = [own | _through_stack(of_ply) for own, of_ply in zip(each, columns, strict=True)]
+        groups = {SHEET: _all_sheets(scene, sheets, each, frames)}
         for name, sheet in sheets.items():
             groups[f"/{name}"] = _sheet(scene, UgridMesh(name), sheet, frames)
             if sheet.mesh.volumes is not None:
@@ -387,10 +388,10 @@ def _sheet(scene: Scene, mesh: UgridMesh, sheet: SheetFrames, frames: FrameSerie
 def _all_sheets(
     scene: Scene,
     sheets: Mapping[str, SheetFrames],
+    each: Sequence[dict[str, Described]],
     frames: FrameSeries,
-    columns: Sequence[Columns],
 ) -> xr.Dataset:
-    """Return the mid-surfaces of all bodies as one mesh."""
+    """Return the mid-surfaces of all bodies as one mesh; ``each`` has the face fields of each."""
     mesh = SHEET_MESH
     references = [s.mesh.mid_surface(s.mesh.node_positions) for s in sheets.values()]
     current = [s.mesh.mid_surface(s.positions) for s in sheets.values()]
@@ -407,10 +408,6 @@ def _all_sheets(
         **_moving_nodes(mesh, np.concatenate(references), np.concatenate(current, axis=1), frames),
     }
     counts = [s.mesh.element_count for s in sheets.values()]
-    each = [
-        sheet.fields() | _through_stack(of_ply)
-        for sheet, of_ply in zip(sheets.values(), columns, strict=True)
-    ]
     for name, field in _joined(each, counts).items():
         variables[name] = mesh.on_cells(*field)
     node_counts = [len(reference) for reference in references]
@@ -437,9 +434,14 @@ def _all_sheets(
     return mesh.dataset(variables, attributes)
 
 
-def _columns(sheets: Mapping[str, SheetFrames], there: Mapping[str, np.ndarray]) -> list[Columns]:
+def _columns(
+    sheets: Mapping[str, SheetFrames],
+    each: Sequence[dict[str, Described]],
+    there: Mapping[str, np.ndarray],
+) -> list[Columns]:
     """Return what the columns of each ply meet.
 
+    each : face fields of each sheet.
     there : in which frames a ply is there, by its name; those without an entry are in all.
     """
     plies = [
@@ -447,10 +449,10 @@ def _columns(sheets: Mapping[str, SheetFrames], there: Mapping[str, np.ndarray])
             sheet.mesh,
             sheet.material,
             sheet.positions,
-            {field: own[0] for field, own in sheet.fields().items()},
+            {field: values for field, (values, _) in own.items()},
             there.get(name),
         )
-        for name, sheet in sheets.items()
+        for (name, sheet), own in zip(sheets.items(), each, strict=True)
     ]
     return columns_of(plies)
 
