@@ -48,7 +48,6 @@ from lcmchain.materials.features.relaxation import (
     with_relaxing,
 )
 from lcmchain.materials.features.shear import (
-    WIDTH,
     ShearLocking,
     locking_class,
     rounded_shear_of,
@@ -467,7 +466,7 @@ class Fabric:
         C = np.zeros((*E.shape, 6))
         C[..., diagonal, diagonal] = self.stress_and_tangent(E)[1][..., diagonal, diagonal]
         slope, curvature = self.tangent_slope(E), self.tangent_curvature(E)
-        size, first, second = rounded = rounded_shear_of(E[..., 3])
+        size, first, second = rounded_shear_of(E[..., 3])
         shear_slope, shear_curvature = self._shear_slope(size), self._shear_curvature(size)
         C[..., 3, 3] = self._shear(size)[1]
         if self.coupling is not None:
@@ -476,7 +475,7 @@ class Fabric:
         slope[..., 3] = first * shear_slope
         curvature[..., 3] = first**2 * shear_curvature + second * shear_slope
         if self.unlike_sides is not None:
-            of_side = self.unlike_sides.stabilising(E[..., 3], rounded, WIDTH)
+            of_side = self.unlike_sides.stabilising(E[..., 3])
             C[..., 3, 3] += of_side[0]
             slope[..., 3] += of_side[1]
             curvature[..., 3] += of_side[2]

@@ -13,7 +13,7 @@ from lcmchain.dispatch import is_implemented
 from lcmchain.elements.family import shear_may_stiffen
 from lcmchain.errors import InputError
 from lcmchain.materials.fabric import FabricLaw
-from lcmchain.materials.features.unlike_sides import with_side
+from lcmchain.materials.features.shear import with_side
 from lcmchain.materials.law import (
     hourglass_tangent,
     membrane_response,

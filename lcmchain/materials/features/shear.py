@@ -34,12 +34,6 @@ import numpy as np
 
 from lcmchain.dispatch import optional
 from lcmchain.jit import equation
-from lcmchain.materials.features.unlike_sides import (
-    with_side,
-    with_stabilising_side,
-    with_stabilising_side_curvature,
-    with_stabilising_side_slope,
-)
 from lcmchain.materials.twins import LawOrTwin, prefixed, twin_of
 
 # Of the engineering shear strain 2 E12 = sin γ. For MD600 S12 keeps its sign where the shear angle
@@ -107,6 +101,30 @@ def locking_tangent_curvature(law, g):
     return 0.0
 
 
+@optional
+def with_side(law, S12, C12, g):
+    """Return S12 and dS12/dg of the side that g is on; as they are for a law of like sides."""
+    return S12, C12
+
+
+@optional
+def with_stabilising_side(law, C12, g):
+    """Return the stabilising tangent with its share of the other side."""
+    return C12
+
+
+@optional
+def with_stabilising_side_slope(law, slope, g):
+    """Return the derivative by g of the stabilising tangent with that of the other side."""
+    return slope
+
+
+@optional
+def with_stabilising_side_curvature(law, curvature, g):
+    """Return the second derivative by g of the stabilising tangent with that of the other side."""
+    return curvature
+
+
 @equation
 def cubic_response(law, g):
     x = max(abs(g) - law.locking_strain, 0.0)
@@ -127,13 +145,20 @@ def cubic_tangent_curvature(law, g):
 
 
 @equation
-def shear_stress_and_tangent(law, g):
-    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21) and locking."""
+def polynomial_response(law, g):
+    """Return S12 and dS12/dg of the polynomial of Eq. (21) alone."""
     e = 0.5 * abs(g)
     modulus = law.s0 + e * (law.s1 + e * (law.s2 + e * (law.s3 + e * law.s4)))
     slope = law.s1 + e * (2.0 * law.s2 + e * (3.0 * law.s3 + e * (4.0 * law.s4)))
+    return modulus * g, modulus + e * slope
+
+
+@equation
+def shear_stress_and_tangent(law, g):
+    """Return S12 and dS12/dg for the engineering shear strain g = 2 E12, Eq. (21) and locking."""
+    S12, C12 = polynomial_response(law, g)
     stress, tangent = locking_response(law, g)
-    return with_side(law, modulus * g + stress, modulus + e * slope + tangent, g)
+    return with_side(law, S12 + stress, C12 + tangent, g)
 
 
 @equation
@@ -168,7 +193,7 @@ def rounded_shear(g):
 def stabilising_shear_tangent(law, g):
     """Return dS12/dg at the rounded size of the strain: without the kink at g = 0."""
     size = rounded_shear(g)[0]
-    return with_stabilising_side(law, shear_stress_and_tangent(law, size)[1], g, size, WIDTH)
+    return with_stabilising_side(law, shear_stress_and_tangent(law, size)[1], g)
 
 
 @equation
@@ -176,7 +201,7 @@ def stabilising_shear_slope(law, g):
     """Return the derivative of :func:`stabilising_shear_tangent` with g."""
     size, first, _ = rounded_shear(g)
     slope = first * shear_tangent_slope(law, size)
-    return with_stabilising_side_slope(law, slope, g, size, first, WIDTH)
+    return with_stabilising_side_slope(law, slope, g)
 
 
 @equation
@@ -185,7 +210,7 @@ def stabilising_shear_curvature(law, g):
     size, first, second = rounded_shear(g)
     slope, curvature = shear_tangent_slope(law, size), shear_tangent_curvature(law, size)
     curvature = first * first * curvature + second * slope
-    return with_stabilising_side_curvature(law, curvature, g, size, first, second, WIDTH)
+    return with_stabilising_side_curvature(law, curvature, g)
 
 
 # --- laws -----------------------------------------------------------------------------------------

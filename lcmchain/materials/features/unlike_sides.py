@@ -30,12 +30,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lcmchain.dispatch import optional
 from lcmchain.jit import equation
+from lcmchain.materials.features.shear import (
+    WIDTH,
+    polynomial_response,
+    rounded_shear,
+    rounded_shear_of,
+    shear_tangent_curvature,
+    shear_tangent_slope,
+    with_side,
+    with_stabilising_side,
+    with_stabilising_side_curvature,
+    with_stabilising_side_slope,
+)
 from lcmchain.materials.twins import LawOrTwin, made_on_demand, twin_named, twin_of
-
-#: Size of a strain, and its two derivatives by the strain.
-Rounded = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class UnlikeSides(NamedTuple):
@@ -65,15 +73,12 @@ class UnlikeSides(NamedTuple):
         terms = [4.0 * d * e ** (k + 2) / (k + 2) for k, d in enumerate(self)]
         return np.sum(terms, axis=0)
 
-    def stabilising(self, g: np.ndarray, rounded: Rounded, width: float) -> Rounded:
-        """Return the added stabilising tangent [Pa] and its two derivatives by g.
-
-        rounded : size of the strain and its derivatives. width : w of the share.
-        """
+    def stabilising(self, g: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the added stabilising tangent [Pa] and its two derivatives by g."""
         share = np.polynomial.Polynomial([8.0, -15.0, 0.0, 10.0, 0.0, -3.0]) / 16.0
-        r = np.clip(np.asarray(g) / width, -1.0, 1.0)
-        v, v1, v2 = (share.deriv(k)(r) / width**k if k else share(r) for k in range(3))
-        size, first, second = rounded
+        r = np.clip(np.asarray(g) / WIDTH, -1.0, 1.0)
+        v, v1, v2 = (share.deriv(k)(r) / WIDTH**k if k else share(r) for k in range(3))
+        size, first, second = rounded_shear_of(np.asarray(g))
         e = 0.5 * size
         t, of_e, of_ee = (self._tangent(k, e) for k in range(3))
         t1 = 0.5 * of_e * first
@@ -92,76 +97,64 @@ class UnlikeSides(NamedTuple):
 # --- compiled -------------------------------------------------------------------------------------
 
 
-@optional
-def with_side(law, S12, C12, g):
-    """Return S12 and dS12/dg of the side that g is on; as they are for a law of like sides."""
-    return S12, C12
+class SidePolynomial(NamedTuple):
+    """The difference of both sides, as a shear law of its own (:mod:`.shear`)."""
 
-
-@optional
-def with_stabilising_side(law, C12, g, size, width):
-    """Return the stabilising tangent with its share of the other side."""
-    return C12
-
-
-@optional
-def with_stabilising_side_slope(law, slope, g, size, first, width):
-    """Return the derivative by g of the stabilising tangent with that of the other side."""
-    return slope
-
-
-@optional
-def with_stabilising_side_curvature(law, curvature, g, size, first, second, width):
-    """Return the second derivative by g of the stabilising tangent with that of the other side."""
-    return curvature
+    s0: float
+    s1: float
+    s2: float
+    s3: float
+    s4: float
 
 
 @equation
-def side_tangent(law, e):
-    """Return the tangent d + e d' of the difference of both sides, and two derivatives by e."""
-    d1, d2, d3, d4 = 2.0 * law.side1, 3.0 * law.side2, 4.0 * law.side3, 5.0 * law.side4
-    tangent = law.side0 + e * (d1 + e * (d2 + e * (d3 + e * d4)))
-    slope = d1 + e * (2.0 * d2 + e * (3.0 * d3 + e * (4.0 * d4)))
-    return tangent, slope, 2.0 * d2 + e * (6.0 * d3 + e * (12.0 * d4))
+def difference(law):
+    """Return the polynomial of the negative side less that of the positive side."""
+    return SidePolynomial(law.side0, law.side1, law.side2, law.side3, law.side4)
 
 
 @equation
-def share_of_side(g, width):
+def share_of_side(g):
     """Return the share of the negative side at a strain, and its two derivatives by g."""
-    r = min(max(g / width, -1.0), 1.0)
+    r = min(max(g / WIDTH, -1.0), 1.0)
     q = r * r
     rest = 1.0 - q
     value = (8.0 - r * (15.0 - q * (10.0 - 3.0 * q))) / 16.0
-    return value, -15.0 / 16.0 * rest * rest / width, 3.75 * r * rest / (width * width)
+    return value, -15.0 / 16.0 * rest * rest / WIDTH, 3.75 * r * rest / (WIDTH * WIDTH)
 
 
 @equation
 def stress_of_side(law, S12, C12, g):
-    e = 0.5 * max(-g, 0.0)
-    modulus = law.side0 + e * (law.side1 + e * (law.side2 + e * (law.side3 + e * law.side4)))
-    tangent = side_tangent(law, e)[0]
-    return S12 - 2.0 * e * modulus, C12 + (tangent if g < 0.0 else 0.0)
+    stress, tangent = polynomial_response(difference(law), g)
+    return S12 + (stress if g < 0.0 else 0.0), C12 + (tangent if g < 0.0 else 0.0)
 
 
 @equation
-def stabilising_side(law, C12, g, size, width):
-    return C12 + share_of_side(g, width)[0] * side_tangent(law, 0.5 * size)[0]
+def stabilising_side(law, C12, g):
+    tangent = polynomial_response(difference(law), rounded_shear(g)[0])[1]
+    return C12 + share_of_side(g)[0] * tangent
 
 
 @equation
-def stabilising_side_slope(law, slope, g, size, first, width):
-    v, v1, _ = share_of_side(g, width)
-    t, of_e, _ = side_tangent(law, 0.5 * size)
-    return slope + v1 * t + v * 0.5 * of_e * first
+def stabilising_side_slope(law, slope, g):
+    share, share_slope, _ = share_of_side(g)
+    size, first, _ = rounded_shear(g)
+    tangent = polynomial_response(difference(law), size)[1]
+    return (
+        slope + share_slope * tangent + share * first * shear_tangent_slope(difference(law), size)
+    )
 
 
 @equation
-def stabilising_side_curvature(law, curvature, g, size, first, second, width):
-    v, v1, v2 = share_of_side(g, width)
-    t, of_e, of_ee = side_tangent(law, 0.5 * size)
-    t1 = 0.5 * of_e * first
-    t2 = 0.25 * of_ee * first * first + 0.5 * of_e * second
-    return curvature + v2 * t + 2.0 * v1 * t1 + v * t2
+def stabilising_side_curvature(law, curvature, g):
+    share, share_slope, share_curvature = share_of_side(g)
+    size, first, second = rounded_shear(g)
+    sides = difference(law)
+    tangent = polynomial_response(sides, size)[1]
+    of_size = shear_tangent_slope(sides, size)
+    slope = first * of_size
+    bend = first * first * shear_tangent_curvature(sides, size) + second * of_size
+    return curvature + share_curvature * tangent + 2.0 * share_slope * slope + share * bend
 
 
 # --- laws -----------------------------------------------------------------------------------------
